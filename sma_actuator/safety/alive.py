@@ -11,6 +11,8 @@ from collections import deque
 from dataclasses import dataclass, field
 from math import inf, isfinite, log, nan
 
+from sma_actuator.base.jit import Floats, floats, jit
+
 RARE = 1e-12  #: what is less probable than this, by what was seen before, is not taken for chance
 SEEN = 200  #: readings that say what is probable
 OFTEN = 0.3  #: of the readings that should have differed repeat, where something stands
@@ -47,42 +49,59 @@ class Repeats:
         return self._sum > _IMPROBABLE
 
 
-@dataclass(slots=True)
+#: What is remembered of a channel's noise beside its last values and their second differences: how many there are,
+#: how many since the last window that counted, the level of that, the least of those before it, how many those are.
+_SEEN, _FRESH, _LATEST, _LEAST, _BEFORE = range(5)
+_QUARTER = WINDOW // 4
+
+
+@jit
+def _range_of_quarters(recent: Floats) -> float:
+    """How far apart the means of four quarters are: of noise alone less than the noise."""
+    low, high = inf, -inf
+    for begin in range(0, WINDOW, _QUARTER):
+        mean = sum(recent[begin : begin + _QUARTER]) / _QUARTER
+        low, high = min(low, mean), max(high, mean)
+    return high - low
+
+
+@jit
+def _noise(recent: Floats, steps: Floats, state: Floats, value: float) -> float:
+    """See :meth:`Liveliness.step`; ``recent`` and ``steps`` end with the newest."""
+    if state[_SEEN] >= 2.0:
+        steps[:-1] = steps[1:]
+        steps[-1] = abs(value - 2.0 * recent[-1] + recent[-2])
+    recent[:-1] = recent[1:]
+    recent[-1] = value
+    state[_SEEN] += 1.0
+    state[_FRESH] += 1.0
+    if state[_SEEN] < WINDOW:
+        return nan
+    level = sum(steps) / (WINDOW - 2)
+    share = level / state[_LEAST] if state[_BEFORE] >= WINDOWS else nan
+    if state[_FRESH] >= WINDOW and level > 0.0 and _range_of_quarters(recent) <= level:
+        state[_FRESH] = 0.0
+        if isfinite(state[_LATEST]):
+            state[_LEAST] = min(state[_LEAST], state[_LATEST])
+            state[_BEFORE] += 1.0
+        state[_LATEST] = level
+    return share
+
+
 class Liveliness:
     """How noisy a channel is, against the least that it has been while it stood."""
 
-    _recent: deque[float] = field(default_factory=lambda: deque(maxlen=WINDOW))
-    #: Second differences, for each of them but the first two: what is left of a steady motion is noise.
-    _steps: deque[float] = field(default_factory=lambda: deque(maxlen=WINDOW - 2))
-    _fresh: int = 0  #: readings since the last window that counted
-    _latest: float = nan  #: of the last window that counted
-    _least: float = inf  #: of those before it
-    _before: int = 0  #: how many those are
+    __slots__ = ("_recent", "_state", "_steps")
+
+    def __init__(self) -> None:
+        self._recent = floats(WINDOW)
+        self._steps = floats(WINDOW - 2)  #: second differences: what is left of a steady motion is noise
+        self._state = floats(5)
+        self._state[_LATEST], self._state[_LEAST] = nan, inf
 
     def step(self, value: float) -> float:
         """Share of the least noise that the last readings have; NaN until both are known."""
-        recent, steps = self._recent, self._steps
-        if len(recent) >= 2:
-            steps.append(abs(value - 2.0 * recent[-1] + recent[-2]))
-        recent.append(value)
-        self._fresh += 1
-        if len(recent) < WINDOW:
-            return nan
-        level = sum(steps) / len(steps)
-        share = level / self._least if self._before >= WINDOWS else nan
-        if self._fresh >= WINDOW and level > 0.0 and _range_of_quarters(list(recent)) <= level:
-            self._fresh = 0
-            if isfinite(self._latest):
-                self._least, self._before = min(self._least, self._latest), self._before + 1
-            self._latest = level
-        return share
-
-
-def _range_of_quarters(values: list[float]) -> float:
-    """How far apart the means of four quarters are: of noise alone less than the noise."""
-    quarter = len(values) // 4
-    means = [sum(values[begin : begin + quarter]) / quarter for begin in range(0, 4 * quarter, quarter)]
-    return max(means) - min(means)
+        return _noise(self._recent, self._steps, self._state, value)
 
 
 @dataclass(slots=True)
