@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from sma_actuator.base.balance import held_rise_K, holding_A
 from sma_actuator.base.parameters import ConfigError
+from sma_actuator.base.sections import Wire
 from sma_actuator.config import require_sense_resistor
 
 from .programs import every_ordered_pair
@@ -25,6 +26,10 @@ STRESSES_Pa = (
     85e6,
     120e6,
 )  #: default loads; from the thesis's lightest to above its judged ones
+#: Masses that a load cell is calibrated with: the thesis's eight (appendix A), and smaller ones for finer wires; the
+#: largest over the smallest of them is what it was there; a line wants three points to show that it is one.
+MASSES_kg = (0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)
+MASSES_OVER, LEAST_MASSES = 30.0, 3
 #: Wires are heated so far that this is well above their usual transformations, however much further their limits let
 #: them be heated; and further where they still contract.
 HOT_ENOUGH_C = 160.0
@@ -83,10 +88,13 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
     _measurable(config, options)
     wire, thermal = config.wire, config.thermal
     strongest_N = wire.max_stress * wire.area_m2
-    loads_N = options.loads_N or tuple(round(s * wire.area_m2, 3) for s in STRESSES_Pa if s < 0.9 * wire.max_stress)
-    masses_kg = options.masses_kg or tuple(
-        m for m in (0.01, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3) if m * GRAVITY_m_s2 < 0.9 * strongest_N
-    )
+    loads_N = options.loads_N or _loads_N(STRESSES_Pa, wire)
+    masses_kg = options.masses_kg or _masses_kg(0.9 * strongest_N)
+    if "load_cell" not in options.skip and len(set(masses_kg)) < LEAST_MASSES:
+        raise ConfigError(
+            f"masses: {len(set(masses_kg))} are too few to calibrate a load cell; {LEAST_MASSES} different ones are "
+            "wanted (--masses, in grams), or --skip load_cell where it is calibrated"
+        )
     for load_N in loads_N:
         if not 0.0 < load_N <= strongest_N:
             raise ConfigError(
@@ -131,7 +139,7 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
         ),
         *_cycled("training", options.training_cycles, 20, {"load_N": loads_N[len(loads_N) // 2], **pulse}, cycle_s),
     ]
-    named = [(f"{load_N:.3f}N", {"load_N": load_N}) for load_N in loads_N]
+    named = [(_name(load_N), {"load_N": load_N}) for load_N in loads_N]
     named += [(f"spring_{k:g}N_m_{p:g}N", {"stiffness_N_m": k, "preload_N": p}) for k, p in options.springs_N_m]
     for label, load in named:
         parts.append(
@@ -168,11 +176,11 @@ def _second_round(config, options: PlanOptions) -> list[Part]:
     area_m2 = config.wire.area_m2
     lag_s = config.thermal.heat_capacity / config.thermal.heat_loss
     dwell_s, period_s = max(DWELL_s, DWELL * lag_s), max(PERIOD_s, PERIOD * lag_s)
-    stiffness_N_m = round(SPRING_Pa_m * (config.wire.length / config.wire.strain_length_m) * area_m2, 1)
-    stresses_Pa = [s for s in FOLLOWED_Pa if s < 0.9 * config.wire.max_stress]
-    loads_N = options.loads_N or tuple(round(s * area_m2, 3) for s in stresses_Pa)
-    springs = options.springs_N_m or ((stiffness_N_m, round(stresses_Pa[0] * area_m2, 3)),)
-    loads: list[tuple[str, dict[str, Any]]] = [(f"{load_N:.3f}N", {"load_N": load_N}) for load_N in loads_N]
+    stiffness_N_m = SPRING_Pa_m * (config.wire.length / config.wire.strain_length_m) * area_m2
+    stiffness_N_m = round(stiffness_N_m, max(1, _decimals(stiffness_N_m)))
+    followed_N = _loads_N(FOLLOWED_Pa, config.wire)
+    loads_N, springs = options.loads_N or followed_N, options.springs_N_m or ((stiffness_N_m, followed_N[0]),)
+    loads: list[tuple[str, dict[str, Any]]] = [(_name(load_N), {"load_N": load_N}) for load_N in loads_N]
     loads += [(f"spring_{k:g}N_m_{p:g}N", {"stiffness_N_m": k, "preload_N": p}) for k, p in springs]
     parts = [
         Part(
@@ -190,6 +198,28 @@ def _second_round(config, options: PlanOptions) -> list[Part]:
         for number, (label, load) in enumerate(loads)
     ]
     return _with_displacement(config, parts)
+
+
+def _decimals(number: float) -> int:
+    """How many leave three digits of it."""
+    return 2 - math.floor(math.log10(number))
+
+
+def _loads_N(stresses_Pa: Sequence[float], wire: Wire) -> tuple[float, ...]:
+    """The loads that put a wire under these stresses, as far as it may carry them: to a millinewton, or finer where the
+    wire is fine."""
+    loads_N = [s * wire.area_m2 for s in stresses_Pa if s < 0.9 * wire.max_stress]
+    return tuple(round(load_N, max(3, _decimals(load_N))) for load_N in loads_N)
+
+
+def _name(load_N: float) -> str:
+    return f"{load_N:.{max(3, _decimals(load_N))}f}N"
+
+
+def _masses_kg(most_N: float) -> tuple[float, ...]:
+    """Calibration masses that pull less than that: the thesis's, and smaller ones beside the largest of them."""
+    chosen = [m for m in MASSES_kg if m * GRAVITY_m_s2 < most_N]
+    return tuple(m for m in chosen if m >= chosen[-1] / MASSES_OVER)
 
 
 def followed_shares(number: int) -> list[float]:

@@ -25,6 +25,7 @@ from sma_actuator.characterise.parts import RUN
 from sma_actuator.characterise.programs import every_ordered_pair, held_currents, hold, square_pulses
 from sma_actuator.cli.main import main
 from sma_actuator.config import bench_from_mapping
+from sma_actuator.derived import with_derived
 from sma_actuator.instruments import InstrumentLost, InstrumentRefused
 from sma_actuator.logs.bench_log import read_bench_log
 from sma_actuator.plant.worlds import HOME, WORLDS
@@ -521,3 +522,27 @@ def test_what_looks_at_every_row_is_compiled_before_current_flows():
     """On a machine that has driven nothing yet it takes seconds, in which nobody looks at the wire."""
     done = subprocess.run([sys.executable, "-c", _OPENED], capture_output=True, text=True, timeout=300, check=True)
     assert done.stdout == "True\n"
+
+
+@pytest.mark.parametrize("diameter_m", [25e-6, 50e-6, 0.15e-3, 0.5e-3])
+def test_fine_wires_get_weights_and_loads_that_they_can_carry_and_that_differ(diameter_m):
+    mapping = bench_mapping("flexinol")
+    mapping["wire"]["diameter"] = diameter_m
+    for section in ("supply", "thermal", "controller", "estimator", "safety"):
+        del mapping[section]
+    bench = bench_from_mapping(with_derived(mapping))
+    plan = make_plan(bench, PlanOptions())
+    (forces_N,) = [part.parameters["forces_N"] for part in plan if part.kind == "load_cell"]
+    strongest_N = bench.wire.max_stress * bench.wire.area_m2
+    assert len(forces_N) >= 3
+    assert 0.35 * strongest_N < max(forces_N) < strongest_N or forces_N[-1] == pytest.approx(2.94, abs=0.01)
+    loads_N = {part.name: part.parameters["load_N"] for part in plan if part.kind == "pulses"}
+    stresses_MPa = [load_N / bench.wire.area_m2 * 1e-6 for load_N in loads_N.values()]
+    np.testing.assert_allclose(stresses_MPa, [15, 22, 32, 45, 62, 85, 120], rtol=0.01)
+
+
+def test_too_few_masses_for_a_load_cell_are_refused_before_anything_is_measured():
+    bench = bench_from_mapping(bench_mapping("flexinol"))
+    with pytest.raises(ConfigError, match=r"masses: 2 are too few to calibrate a load cell; 3 different ones"):
+        make_plan(bench, PlanOptions(masses_kg=(0.1, 0.2, 0.2)))
+    assert make_plan(bench, PlanOptions(masses_kg=(0.1,), skip=("load_cell",)))
