@@ -13,7 +13,7 @@ import numpy as np
 
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.experiments import Experiment, judged_rows, make_experiment
-from sma_actuator.logs.kinds import load_numbers, logs_to_fit
+from sma_actuator.logs.kinds import PARTIAL, load_numbers, logs_to_fit
 
 #: Share of the full stroke that the hot end may move with a cycle, outwards, as training does, and inwards, as a wire
 #: does also that grows warmer from pulse to pulse; ten logs hold some sixty cycles.
@@ -60,7 +60,9 @@ def change_while_measured_m(logs: Sequence[BenchLog], config) -> float:
 
 
 def _moved_m(experiment: Experiment) -> list[float]:
-    """How far the hot end of a log of pulses moves with each; nothing where they are not alike."""
+    """How far the hot end of a log of pulses moves with each; nothing where they are not alike, as partial cycles."""
+    if experiment.kind == PARTIAL:  # a quick wire goes any way between two readings, so their times tell nothing
+        return []
     bounds = np.searchsorted(experiment.cycle, np.arange(1, experiment.cycle[-1] + 2))
     ends_m, heated = [], []
     for start, stop in itertools.pairwise(bounds):

@@ -38,7 +38,8 @@ HOT_ENOUGH_C = 160.0
 #: heat_loss.  Where that is fewer than four readings each pulse begins with a ramp of so many, of which a wire's
 #: middle half was a tenth; identify wants five of each pulse, since a guard that lets the wire cool for a moment parts
 #: it from the others.
-QUICK_READINGS, RAMP_READINGS = 10.0, 80.0
+QUICK_READINGS, RAMP_READINGS = 10.0, 240.0
+UNGUARDED = 0.9  #: of the rise that the heat limit aims at, for its headroom and a resistance that is not the usual
 
 #: The second round: stresses between those of the first, a spring as stiff as makes much of the stroke a rise of
 #: stress, how long a position is held and a period lasts, how many positions, and between which shares of the stroke,
@@ -102,7 +103,11 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
             )
     if options.follow:
         return _second_round(config, options)
+    time_constant_s = thermal.heat_capacity / thermal.heat_loss
+    ramp_s = RAMP_READINGS / config.loop.rate if time_constant_s * config.loop.rate < QUICK_READINGS else 0.0
     heat_A = options.heat_current_A or default_heat_current_A(config)
+    if ramp_s and not options.heat_current_A:
+        heat_A = min(heat_A, unguarded_current_A(config))
     resistance_Ohm = typical_resistance_Ohm(wire)
     hottest_C = thermal.ambient_temperature + held_rise_K(heat_A, resistance_Ohm, thermal.heat_loss)
     if not config.supply.bias_current < heat_A <= config.supply.max_current:
@@ -115,13 +120,11 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
             f"heat current: {heat_A:g} A would bring the wire to {hottest_C:.0f} °C, above thermal.max_temperature"
         )
     most_A = options.heat_current_A or max(heat_A, largest_heat_current_A(config))
-    time_constant_s = thermal.heat_capacity / thermal.heat_loss
     heat_s = options.heat_s or math.ceil(3.0 * time_constant_s)
     cool_s = options.cool_s or math.ceil(6.0 * time_constant_s)
     pulse = {"heat_current_A": round(heat_A, 4), "heat_s": heat_s, "cool_s": cool_s}
-    ramp_s = RAMP_READINGS / config.loop.rate if time_constant_s * config.loop.rate < QUICK_READINGS else 0.0
     cycle_s = heat_s + cool_s
-    ramped = {"ramp_s": round(ramp_s, 3), "heat_s": max(heat_s, math.ceil(0.5 * ramp_s))} if ramp_s else {}
+    ramped = {"ramp_s": round(ramp_s, 3)} if ramp_s else {}
     moves = len(every_ordered_pair(options.set_points)) - 1
     parts = [
         Part("lead_resistance", "lead_resistance", {"average_s": options.average_s}, options.average_s),
@@ -281,6 +284,18 @@ def default_heat_current_A(config) -> float:
 def largest_heat_current_A(config) -> float:
     """The current whose steady temperature is that of derating."""
     return _held_current_A(config, config.thermal.derate_temperature - config.thermal.ambient_temperature)
+
+
+def unguarded_current_A(config) -> float:
+    """The current that may flow for ever by the heat limit, whatever the wire loses within ``heat_loss_margin``.
+
+    Beyond it a wire whose resistance does not tell how hot it is, is let cool again and again
+    (:class:`~sma_actuator.safety.thermal.WireHeat`), which parts a ramp's cycle.
+    """
+    thermal = config.thermal
+    return _held_current_A(
+        config, UNGUARDED * (thermal.max_temperature - thermal.ambient_temperature) / thermal.heat_loss_margin
+    )
 
 
 def _held_current_A(config, rise_K: float) -> float:

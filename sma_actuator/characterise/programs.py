@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
-from math import nan
+from math import isnan, nan
 from typing import Protocol
 
 from sma_actuator.base.signals import Signals
@@ -54,10 +54,13 @@ def hold(current_A: float, duration_s: float) -> Program:
         signals = yield Drive(current_A)
 
 
-def rest(current_A: float, least_s: float, longest_s: float) -> Program:
-    """A constant current until the wire is at rest: for ``least_s``, and on up to ``longest_s`` while it moves."""
+def rest(current_A: float, least_s: float, longest_s: float, from_m: float = nan) -> Program:
+    """A constant current until the wire is at rest: for ``least_s``, and on up to ``longest_s`` while it moves.
+
+    ``from_m``: where it came from, if that is not where it is now.
+    """
     signals = yield Drive(current_A)
-    start_s, from_m = signals.time_s, signals.reference_displacement_m
+    start_s, from_m = signals.time_s, signals.reference_displacement_m if isnan(from_m) else from_m
     shown: deque[tuple[float, float]] = deque()
     moves = True
     while (elapsed_s := signals.time_s - start_s) < least_s or (moves and elapsed_s < longest_s):
@@ -69,19 +72,20 @@ def rest(current_A: float, least_s: float, longest_s: float) -> Program:
         moves = abs(shown[-1][1] - shown[0][1]) > STILL * abs(shown[-1][1] - from_m)
 
 
-def warmed(from_A: float, to_A: float, ramp_s: float) -> Program:
-    """From one current to another with a power that grows evenly."""
+def warmed(from_A: float, to_A: float, ramp_s: float) -> Generator[Drive, Signals, float]:
+    """From one current to another with a power that grows evenly; where the wire was before."""
     signals = yield Drive(from_A)
-    start_s = signals.time_s
+    start_s, before_m = signals.time_s, signals.reference_displacement_m
     while (share := (signals.time_s - start_s) / ramp_s) < 1.0:
         signals = yield Drive((from_A**2 + share * (to_A**2 - from_A**2)) ** 0.5)
+    return before_m
 
 
-def contracted(current_A: float, heat_s: float, most_A: float) -> Generator[Drive, Signals, float]:
+def contracted(current_A: float, heat_s: float, most_A: float, cold_m: float = nan) -> Generator[Drive, Signals, float]:
     """``heat_s`` at the current, then more of it, up to ``most_A``, while the wire contracts further with more; the
-    last that it did with."""
+    last that it did with.  ``cold_m``: as ``from_m`` of :func:`rest`."""
     signals = yield Drive(current_A)
-    cold_m = signals.reference_displacement_m
+    cold_m = signals.reference_displacement_m if isnan(cold_m) else cold_m
     yield from hold(current_A, heat_s)
     signals = yield Drive(current_A)
     while current_A < most_A:
@@ -90,7 +94,7 @@ def contracted(current_A: float, heat_s: float, most_A: float) -> Generator[Driv
         signals = yield Drive(more_A)
         here_m = signals.reference_displacement_m
         # Where no displacement is measured nothing moves.
-        if not abs(here_m - before_m) > STILL_CONTRACTS * abs(here_m - cold_m):
+        if not abs(here_m - cold_m) - abs(before_m - cold_m) > STILL_CONTRACTS * abs(here_m - cold_m):
             break
         current_A = more_A
     return current_A
@@ -116,13 +120,12 @@ def square_pulses(
     """
     yield from hold(bias_current_A, 1.0)
     for _ in range(cycles):
-        if ramp_s:
-            yield from warmed(bias_current_A, heat_current_A, ramp_s)
+        cold_m = (yield from warmed(bias_current_A, heat_current_A, ramp_s)) if ramp_s else nan
         if most_A > heat_current_A:
-            heat_current_A = yield from contracted(heat_current_A, heat_s, most_A)
+            heat_current_A = yield from contracted(heat_current_A, heat_s, most_A, cold_m)
             most_A = 0.0
         else:
-            yield from rest(heat_current_A, heat_s, longest_heat_s)
+            yield from rest(heat_current_A, heat_s, longest_heat_s, cold_m)
         yield from rest(bias_current_A, cool_s, longest_cool_s)
 
 

@@ -1,6 +1,7 @@
 """The cycles of a log and which of them are full: one judgement, for ``identify`` as for ``check-log``.
 
-A cycle begins when the current is switched on, which is when it passes the middle of its range.  It is full where the
+A cycle begins when the current is switched on, which is when it leaves the low end of its range and then passes the
+middle.  It is full where the
 wire rests at both ends of it and no cycle of that load goes further.
 """
 
@@ -12,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+_LOW_END = 0.05  #: share of the current's range in which it is at the low end of it
 SAME_LOAD = 0.05  #: relative difference below which two loads count as one
 _AT_REST = 0.08  #: share of a cycle's stroke within which of an end it is at rest there
 _HOT_PART, _COLD_PART = (
@@ -42,10 +44,20 @@ class Cycle:
 
 
 def is_driven(current: np.ndarray) -> np.ndarray:
-    """Bool, shape (n,): the current is above the middle of its range."""
+    """Bool, shape (n,): the current is above the middle of its range, or on its way there from the low end.
+
+    A wire that transforms in the lower half of a ramp was heated by that ramp.
+    """
     if not np.isfinite(current).any():
         return np.zeros(len(current), dtype=bool)
-    return current > 0.5 * (np.nanmin(current) + np.nanmax(current))
+    least, most = np.nanmin(current), np.nanmax(current)
+    driven = current > 0.5 * (least + most)
+    low = current <= least + _LOW_END * (most - least)
+    for begins in np.flatnonzero(driven[1:] & ~driven[:-1]) + 1:
+        before = np.flatnonzero(low[:begins] | driven[:begins])
+        if len(before) and low[before[-1]]:
+            driven[before[-1] + 1 : begins] = True
+    return driven
 
 
 def cycle_numbers(driven: np.ndarray) -> np.ndarray:

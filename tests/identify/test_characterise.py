@@ -22,12 +22,14 @@ from sma_actuator.bench.server import background
 from sma_actuator.characterise import PlanOptions, characterise, make_plan
 from sma_actuator.characterise.calibration import fit_line
 from sma_actuator.characterise.parts import RUN
+from sma_actuator.characterise.plan import typical_resistance_Ohm
 from sma_actuator.characterise.programs import every_ordered_pair, held_currents, hold, square_pulses
 from sma_actuator.cli.main import main
 from sma_actuator.config import bench_from_mapping
 from sma_actuator.derived import with_derived
 from sma_actuator.instruments import InstrumentLost, InstrumentRefused
 from sma_actuator.logs.bench_log import read_bench_log
+from sma_actuator.logs.cycles import IN_MOTION, cycle_numbers, cycles_of, is_driven
 from sma_actuator.plant.worlds import HOME, WORLDS
 
 
@@ -546,3 +548,34 @@ def test_too_few_masses_for_a_load_cell_are_refused_before_anything_is_measured(
     with pytest.raises(ConfigError, match=r"masses: 2 are too few to calibrate a load cell; 3 different ones"):
         make_plan(bench, PlanOptions(masses_kg=(0.1, 0.2, 0.2)))
     assert make_plan(bench, PlanOptions(masses_kg=(0.1,), skip=("load_cell",)))
+
+
+def test_a_quick_wire_is_ramped_through_its_transformation_and_no_further_than_the_heat_limit_bears():
+    """37 µm at 20 Hz cool in three readings: each pulse is one cycle, with its way into the heat in many readings."""
+    mapping = bench_mapping("flexinol")
+    mapping["wire"]["diameter"] = 37e-6
+    for section in ("supply", "thermal", "controller", "estimator", "safety"):
+        del mapping[section]
+    bench = bench_from_mapping(with_derived(mapping))
+    (pulses,) = [part for part in make_plan(bench, PlanOptions(loads_N=(0.08,))) if part.kind == "pulses"]
+    thermal, p = bench.thermal, pulses.parameters
+    held_K = p["heat_current_A"] ** 2 * typical_resistance_Ohm(bench.wire) / thermal.heat_loss
+    assert held_K * thermal.heat_loss_margin < thermal.max_temperature - thermal.ambient_temperature
+    program, time_s, temperature_K = square_pulses(
+        2, p["heat_current_A"], 5e-3, p["heat_s"], p["cool_s"], 4.0 * p["cool_s"], p["most_current_A"],
+        4.0 * p["heat_s"], p["ramp_s"],
+    ), 0.0, 0.0  # fmt: skip
+    drive, shown = next(program), []
+    with contextlib.suppress(StopIteration):
+        while True:
+            time_s += 0.05
+            temperature_K += 0.5 * (held_K * (drive.current_A / p["heat_current_A"]) ** 2 - temperature_K)
+            at_m = 4e-3 / (1.0 + math.exp((temperature_K - 0.3 * held_K) / 1.5)) + 5e-6 * temperature_K  # it expands
+            shown.append((drive.current_A, at_m))
+            drive = program.send(SimpleNamespace(time_s=time_s, reference_displacement_m=at_m))
+    current_A, at_m = np.array(shown).T
+    driven = is_driven(current_A)
+    cycles = cycles_of(at_m, driven, cycle_numbers(driven))
+    assert [cycle.rests for cycle in cycles] == [True, True]
+    assert min(cycle.heated for cycle in cycles) >= IN_MOTION
+    assert current_A.max() == pytest.approx(p["heat_current_A"] * 1.15**0.5, rel=1e-3), "more was tried, once"
