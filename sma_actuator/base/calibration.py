@@ -24,6 +24,10 @@ from .parameters import parameter, section
 COLD_SHARE = 0.4
 
 
+#: Fields of the section ``expectation`` in files of before, which nothing asks any more.
+OF_BEFORE = ("expected_size", "expected_white")
+
+
 def left_in_place(share_of_stroke: np.ndarray, cold_share: float = COLD_SHARE) -> np.ndarray:
     """How much of what the hot end has moved is there, shape (n,): all of it contracted, ``cold_share`` cold."""
     return 1.0 - (1.0 - cold_share) * np.clip(share_of_stroke, 0.0, 1.0)
@@ -194,12 +198,22 @@ class ExpectationSection:
     expected_weights: tuple[float, ...] = parameter(
         (), "of the regression that says what residual to expect", "m", optional=True
     )
-    expected_size: tuple[float, ...] = parameter(
-        (), "of the one that says how far off that is, in the floor below, where it was not fitted", optional=True
-    )
-    expected_white: tuple[float, ...] = parameter(
+    expected_place: tuple[float, ...] = parameter(
         (),
-        "lower triangle, row by row, that makes those features white: the floor rises with how strange they are",
+        "of a second one that says where the wire is and does not know the model's displacement: the more the two "
+        "disagree, the less is known",
+        "m",
+        optional=True,
+    )
+    expected_apart: float = parameter(
+        nan, "how far they are apart where neither was fitted, median", "m", 0.0, 10.0, optional=True
+    )
+    expected_times: float = parameter(
+        nan,
+        "how many times that and what they disagree by at a place what is left there is, in the mean",
+        "1",
+        0.0,
+        1e6,
         optional=True,
     )
     floor: float = parameter(
@@ -217,7 +231,7 @@ class ExpectationSection:
     @property
     def known(self) -> bool:
         """Whether it says what residual to expect at a place with its history, and how surely."""
-        return bool(self.expected_weights and self.expected_size)
+        return bool(self.expected_weights)
 
 
 @dataclass(frozen=True)
@@ -321,15 +335,17 @@ def _shares(count: int) -> tuple[float, ...]:
 def in_sections(mapping: Mapping[str, Any]) -> dict[str, Any]:
     """The section ``calibration`` of a file with its fields in sections: before 0.2 they stood side by side.
 
-    What stands in its section already counts first.
+    What stands in its section already counts first; what nothing asks any more is left out.
     """
     sections = {s.name: getattr(Calibration(), s.name) for s in fields(Calibration) if "section" in s.metadata}
     of = {field.name: name for name, inside in sections.items() for field in fields(inside)}
-    out = {name: value for name, value in mapping.items() if name not in of}
+    out = {name: value for name, value in mapping.items() if name not in (*of, *OF_BEFORE)}
     for name in mapping:
         inside = out.get(of[name], {}) if name in of else None
         if isinstance(inside, Mapping):
             out[of[name]] = {name: mapping[name], **inside}
+    if isinstance(expectation := out.get("expectation"), Mapping):
+        out["expectation"] = {name: value for name, value in expectation.items() if name not in OF_BEFORE}
     return out
 
 

@@ -10,9 +10,11 @@ A model may also depend on the way by which its load came to be what it is, whic
 weights has told it; what it would say if the load had always been so is another opinion.  Between the two lies what is
 expected, and how far they are apart is part of how well it is known (:func:`always_so_m`).
 
-It is judged where it was not fitted: by loads left out, or, where these are too few for that, by stretches of time left
-out of each log.  How far off it is there is learned in the same way, for a place and its history.  That is the floor;
-it stands higher the stranger these are to the logs, as the error of a regression does.
+How well that is known, a second opinion says: where the wire is, by all of that but the model's displacement.  The two
+agree where the logs have been, and not at a place or with a history that is strange to them, or where the model has
+lost its way.  How many times their disagreement the error is, is seen where neither was fitted: on loads left out, or,
+where these are too few for that, on stretches of time left out of each log (normalised conformal prediction, like the
+whole-range model's own interval).  That is the floor.
 """
 
 from __future__ import annotations
@@ -39,13 +41,15 @@ from sma_actuator.estimation.models.whole_range import (
 from sma_actuator.logs.cycles import SAME_LOAD
 from sma_actuator.logs.experiments import Experiment
 
+from .interval import COVERAGE, INTERVAL
+from .rest import SPREAD
+
 UNITS = 240  #: bends, of SEEN_TOGETHER of the features each
 SEEN_TOGETHER = 3
 PLAYS_K = (1.5, 3.0, 5.0, 8.0, 12.0)  #: half-widths; with others, what was learned in files that exist means nothing
 FEATURES = DIRECT + len(PLAYS_K) + len(PLAYS_OF_RANGE) + 2  #: with the model's displacement and the branch
+MODEL = FEATURES - 2  #: of these, the model's displacement
 RIDGE = 1e-3  #: per row
-SIZE_BETWEEN = (0.3, 3.0)  #: of its mean: what a floor is at the places and with the histories that were seen
-STRANGER = 5.0  #: times as high at most, where they were not
 MOST_ROWS = 8000  #: that the regression sees; logs of more are thinned
 FOLDS = 4
 BLOCK_s = 20.0  #: left out together: longer than what a residual remembers; less of short logs
@@ -68,9 +72,8 @@ class Expectation:
         self._widths_Ohm = np.array(PLAYS_OF_RANGE) * range_Ohm
         self._centre, self._scale = np.array(known.expected_centre), np.array(known.expected_scale)
         self._least, self._most = np.array(known.expected_least), np.array(known.expected_most)
-        self._weights_m, self._size = np.array(known.expected_weights), np.array(known.expected_size)
-        self._white = np.zeros((FEATURES, FEATURES))
-        self._white[np.tril_indices(FEATURES)] = known.expected_white
+        self._weights_m, self._place_m = np.array(known.expected_weights), np.array(known.expected_place)
+        self._apart_m, self._times = known.expected_apart, known.expected_times
         self._floor_m = known.floor / 100 * config.wire.full_stroke_m
         self._remembered = Remembered()
 
@@ -94,11 +97,16 @@ class Expectation:
         )
 
     def floor_m(self, found: Estimates, rows: np.ndarray | slice) -> np.ndarray:
-        """How far off that is in the mean where it was not fitted, of some of n samples."""
+        """How far off that is in the mean where it was not fitted, of some of n samples.
+
+        Of a file without a second opinion, the same everywhere.
+        """
+        model_m = found.model_m[rows]
+        if not len(self._place_m):
+            return np.full(len(model_m), self._floor_m)
         seen = self._seen(found, rows)
-        square = np.sum((seen @ self._white.T) ** 2, axis=1)
-        stranger = np.clip(np.sqrt((1.0 + square) / (1.0 + FEATURES)), 1.0, STRANGER)
-        return self._floor_m * np.clip(_evaluate(seen, self._size), *SIZE_BETWEEN) * stranger
+        place_m = _evaluate(_without_the_model(seen), self._place_m)
+        return self._times * (self._apart_m + np.abs(model_m + _evaluate(seen, self._weights_m) - place_m))
 
     def _seen(self, found: Estimates, rows: np.ndarray | slice, ambient_counts: bool = False) -> np.ndarray:
         stroke_m = (self._low_m, self._high_m)
@@ -159,25 +167,27 @@ def learn(experiments: Sequence[Experiment], found: Sequence[Estimates], config:
         rows.append(tuple(c[good][::stride] for c in columns))
     seen, residual_m, log, block, time_s = (np.concatenate(c) for c in zip(*rows, strict=True))
     centre, scale = seen.mean(axis=0), seen.std(axis=0) + 1e-12
-    z = (seen - centre) / scale
-    basis = _basis(z)
-    weights_m = _ridge(basis, residual_m)
-    news_m = _unexpected_m(experiments, log, block, z, basis, residual_m)
-    if np.abs(news_m).mean() >= np.abs(residual_m).mean():  # what it learned does not hold where it was not fitted
-        weights_m, news_m = np.zeros_like(weights_m), residual_m
-    size = _ridge(basis, np.abs(news_m) / max(np.abs(news_m).mean(), 1e-300))
-    white = np.linalg.inv(np.linalg.cholesky(z.T @ z / len(z) + RIDGE * np.eye(FEATURES)))
+    z, beside = (seen - centre) / scale, _without_the_model((seen - centre) / scale)
+    place_m = seen[:, MODEL] + residual_m
+    stretches = block.astype(int) % FOLDS
+    fold = _of_loads(experiments, log)
+    fold = stretches if fold is None else fold
+    news_m = _left_out(z, residual_m, fold)
+    apart_m = np.abs(_left_out(beside, place_m, fold) - news_m)
+    typical_m = float(np.median(apart_m))
     return ExpectationSection(
         expected_stroke=(low_m, high_m),
         expected_centre=_rounded(centre),
         expected_scale=_rounded(scale),
         expected_least=_rounded(z.min(axis=0)),
         expected_most=_rounded(z.max(axis=0)),
-        expected_weights=_rounded(weights_m),
-        expected_size=_rounded(size),
-        expected_white=_rounded(white[np.tril_indices(FEATURES)]),
+        expected_weights=_rounded(_ridge(z, residual_m)),
+        expected_place=_rounded(_ridge(beside, place_m)),
+        expected_apart=typical_m,
+        expected_times=float(np.quantile(np.abs(news_m) / (typical_m + apart_m), COVERAGE)) / (INTERVAL * SPREAD),
         floor=float(np.abs(news_m).mean()) / full_m * 100,
-        independent_time=correlation_time_s(time_s, news_m, log),
+        # Of a load that was fitted: what a regression adds beyond the loads that it knows lasts as long as its cycles.
+        independent_time=correlation_time_s(time_s, _left_out(z, residual_m, stretches), log),
     )
 
 
@@ -295,48 +305,40 @@ def _basis(z: np.ndarray) -> np.ndarray:
     return np.column_stack((np.ones(len(z)), z, inner / (1.0 + np.abs(inner))))
 
 
-def _ridge(basis: np.ndarray, target: np.ndarray) -> np.ndarray:
+def _without_the_model(z: np.ndarray) -> np.ndarray:
+    """The features for one who does not know where the model has the wire."""
+    out = z.copy()
+    out[:, MODEL] = 0.0
+    return out
+
+
+def _ridge(z: np.ndarray, target: np.ndarray) -> np.ndarray:
+    basis = _basis(z)
     shrink = np.full(basis.shape[1], RIDGE * len(basis))
     shrink[0] = 1e-9
     return np.linalg.solve(basis.T @ basis + np.diag(shrink), basis.T @ target)
 
 
-def _unexpected_m(
-    experiments: Sequence[Experiment],
-    log: np.ndarray,
-    block: np.ndarray,
-    z: np.ndarray,
-    basis: np.ndarray,
-    residual_m: np.ndarray,
-) -> np.ndarray:
-    """What is left of the residual where it was not fitted: with all logs of a load left out together, neighbouring
-    loads in different folds; where there are too few loads, with stretches of each log.
-
-    Of the lightest and the heaviest load, which nothing lies beyond, stretches are left out too; what they leave is
-    raised by as much as a load between leaves more when it is left out than its stretches do.
-    """
-    of_stretches_m = _left_out(z, basis, residual_m, block.astype(int) % FOLDS)
+def _of_loads(experiments: Sequence[Experiment], log: np.ndarray) -> np.ndarray | None:
+    """Which rows are left out together, by number: all logs of a load, neighbouring loads with different ones; None
+    where there are too few loads."""
     stress_Pa = np.array([t.mean_stress_Pa for t in experiments])
     ordered = np.sort(stress_Pa)
     edges_Pa = ordered[1:][np.diff(ordered) > SAME_LOAD * np.abs(ordered[:-1])]
     if len(edges_Pa) + 1 < FEWEST_LOADS:
-        return of_stretches_m
-    load = np.searchsorted(edges_Pa, stress_Pa, side="right")[log]
-    of_loads_m = _left_out(z, basis, residual_m, load % FOLDS)
-    between = (load > 0) & (load < len(edges_Pa))
-    more = np.abs(of_loads_m[between]).mean() / max(np.abs(of_stretches_m[between]).mean(), 1e-300)
-    return np.where(between, of_loads_m, of_stretches_m * max(1.0, more))
+        return None
+    return np.searchsorted(edges_Pa, stress_Pa, side="right")[log] % FOLDS
 
 
-def _left_out(z: np.ndarray, basis: np.ndarray, target: np.ndarray, fold: np.ndarray) -> np.ndarray:
+def _left_out(z: np.ndarray, target: np.ndarray, fold: np.ndarray) -> np.ndarray:
     """Target less what is expected by a regression that has not seen it."""
     out = target.copy()
     for number in range(FOLDS):
         hidden = fold == number
         if hidden.any() and not hidden.all():
             seen = z[~hidden]
-            weights = _ridge(basis[~hidden], target[~hidden])
-            out[hidden] -= _basis(np.clip(z[hidden], seen.min(axis=0), seen.max(axis=0))) @ weights
+            weights = _ridge(seen, target[~hidden])
+            out[hidden] -= _evaluate(np.clip(z[hidden], seen.min(axis=0), seen.max(axis=0)), weights)
     return out
 
 

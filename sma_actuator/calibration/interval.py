@@ -18,6 +18,7 @@ from sma_actuator.logs.experiments import Experiment
 from .stresses import clusters, rounded
 
 POSITIONS = 13
+COVERAGE, INTERVAL = 0.95, 1.96  #: of an interval, and half of it over the standard deviation
 
 
 def learn(

@@ -77,9 +77,9 @@ def test_the_node_reads_both_files(shipped):
 
 def test_a_table_that_stands_in_the_file_by_its_name_counts_first(shipped):
     document = yaml.safe_load(shipped.read_text())
-    document["sma_actuator"]["ros__parameters"]["calibration"]["expectation"]["expected_size"] = [1.0] * 254
+    document["sma_actuator"]["ros__parameters"]["calibration"]["expectation"]["expected_weights"] = [1.0] * 254
     shipped.write_text(yaml.safe_dump(document))
-    assert Config.load(shipped).calibration.expectation.expected_size == (1.0,) * 254
+    assert Config.load(shipped).calibration.expectation.expected_weights == (1.0,) * 254
 
 
 def test_a_file_without_its_tables_says_so_and_what_to_do(shipped):
@@ -120,12 +120,12 @@ HUGE = b"\x93NUMPY\x01\x00v\x00{'descr': '<f8', 'fortran_order': False, 'shape':
     ("content", "said"),
     [
         (
-            archive_of("calibration.expectation.expected_size.npy", np.array([{}], dtype=object), True),
+            archive_of("calibration.expectation.expected_weights.npy", np.array([{}], dtype=object), True),
             "no row of numbers",
         ),
-        (archive_of("calibration.expectation.expected_size.npy", np.zeros((2, 2))), "no row of numbers"),
-        (archive_of("calibration.expectation.expected_size.npy", np.zeros(300_000)), "more than 2 MB"),
-        (archive_of("calibration.expectation.expected_size.npy", np.zeros(1), content=HUGE), "no row of numbers"),
+        (archive_of("calibration.expectation.expected_weights.npy", np.zeros((2, 2))), "no row of numbers"),
+        (archive_of("calibration.expectation.expected_weights.npy", np.zeros(300_000)), "more than 2 MB"),
+        (archive_of("calibration.expectation.expected_weights.npy", np.zeros(1), content=HUGE), "no row of numbers"),
         (archive_of("supply.max_current.npy", np.array([9.0])), "is none of the tables of calibration and model"),
         (archive_of("supply.npy", np.array([9.0])), "is none of the tables of calibration and model"),
         (b"PK" + bytes(100), "is no file of tables"),

@@ -10,6 +10,7 @@ import numpy as np
 
 from sma_actuator.base.calibration import Calibration, left_in_place
 from sma_actuator.calibration.expectation import Expectation, always_so_m
+from sma_actuator.calibration.interval import INTERVAL
 from sma_actuator.calibration.rest import SPREAD
 from sma_actuator.calibration.training import SINCE_THEN, SINCE_THEN_WITHIN
 from sma_actuator.config import Config
@@ -21,7 +22,6 @@ from .witness import Prediction
 
 #: Floor of a model whose file does not say how good it was, % of full stroke.
 FLOOR_percent = 1.5
-INTERVAL = 1.96  #: half of a 95 % interval over the standard deviation
 
 
 class Residual:

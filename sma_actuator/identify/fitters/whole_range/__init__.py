@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from sma_actuator.calibration.interval import COVERAGE
 from sma_actuator.estimation.models.whole_range import CURVE_TERMS, NEAR, PLAYS_K, THERMAL, WholeRangeCoefficients
 from sma_actuator.identify.fitters.fitting import at_bound
 from sma_actuator.identify.verdict.unseen import Unseen
@@ -23,7 +24,6 @@ from sma_actuator.logs.experiments import Experiment
 from .data import FOLDS, Data
 from .heat_balance import LEAST, MOST, NAMES, heat_balance
 from .judged import (
-    COVERAGE,
     LEARNERS_OF_LOADS,
     LOAD_LEFT_OUT,
     PLACES,

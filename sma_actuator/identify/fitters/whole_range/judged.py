@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_actuator.calibration.interval import COVERAGE
 from sma_actuator.estimation.models.whole_range import CURVE_TERMS, WholeRangeCoefficients
 from sma_actuator.identify.fitters.fitting import predict
 from sma_actuator.identify.verdict.unseen import Unseen
@@ -17,7 +18,6 @@ from .data import FOLDS, Data
 from .learner import LEARNERS, Team, physical_curve, terms_of
 
 PLACES = 6  #: at which the interval is stated, on either branch
-COVERAGE = 0.95
 _PLACE_WIDTH = 0.8  #: of the window around a place, in distances of places
 #: A load left out leaves a gap twice as wide as the one that a load between its neighbours finds, and what is between
 #: is off by the square of it.
