@@ -87,10 +87,7 @@ class Evidence:
         return out
 
     def held_where(self, effects: Mapping[str, Effect]) -> Evidence:
-        """The same logs, with the floor of where the wire was if these effects have happened; what a model leaves
-        beyond it has one everywhere."""
-        if self.beyond_floor:
-            return self
+        """The same logs, with the floor of where the wire was if these effects have happened."""
         out = self._with_its_own_floor()
         out.of_displacement.take_floor(*self._where(effects))
         return out

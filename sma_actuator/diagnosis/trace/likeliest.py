@@ -225,6 +225,18 @@ def beside(first: Likeliest, alone: Likeliest, covariance: Covariance) -> float:
 
 
 @dataclass(slots=True)
+class _End:
+    """Where a search has come to."""
+
+    cost: float
+    u: np.ndarray
+    rows: np.ndarray
+    time: dict  #: when what happens once did
+    last: bool = False  #: no further step pays
+    slopes: np.ndarray | None = None  #: of the rows, where they are known
+
+
+@dataclass(slots=True)
 class _Search:
     """A search for the likeliest of one problem, in some of the rows."""
 
@@ -287,32 +299,40 @@ class _Search:
                     found.append((self.cost(p.residual(there), there), there, time))
         return sorted(found, key=lambda start: start[0])
 
-    def descend(self, u: np.ndarray, time: dict, steps: int = STEPS) -> tuple[float, np.ndarray, np.ndarray]:
-        """Cost, parameters and rows after steps from ``u``."""
+    def begin(self, u: np.ndarray, time: dict) -> _End:
+        """Where a search is that begins at ``u``."""
         p = self.problem
         p.scanned |= time
         u = p.clipped(u)
         rows = p.residual(u)
-        cost = self.cost(rows, u)
+        return _End(self.cost(rows, u), u, rows, time)
+
+    def descend(self, end: _End, steps: int = STEPS) -> _End:
+        """Steps on from where a search has come to, as long as they pay."""
+        p = self.problem
+        p.scanned |= end.time
         for _ in range(steps):
-            step = self.step(rows, p.jacobian(u, rows), u)
+            if end.last:
+                break
+            end.slopes = p.jacobian(end.u, end.rows)
+            step = self.step(end.rows, end.slopes, end.u)
             for share in SHORTER:
-                there = p.clipped(u + share * step)
+                there = p.clipped(end.u + share * step)
                 at = p.residual(there)
                 reached = self.cost(at, there)
-                if reached < cost:
+                if reached < end.cost:
+                    last = end.cost - reached < ENOUGH[0] * reached + ENOUGH[1]
+                    end = _End(reached, there, at, end.time, last)
                     break
             else:
-                break
-            gain, cost, u, rows = cost - reached, reached, there, at
-            if gain < ENOUGH[0] * cost + ENOUGH[1]:
-                break
-        return cost, u, rows
+                end.last = True
+        return end
 
-    def across(self, u: np.ndarray, rows: np.ndarray) -> Likeliest:
+    def across(self, end: _End) -> Likeliest:
         """What is likeliest with all that is as likely, seen over its own width."""
-        p, at = self.problem, self.cost(rows, u)
-        slopes = self.covariance.whiten(p.jacobian(u, rows)[self.seen]) * p.spread
+        p, u, rows, at = self.problem, end.u, end.rows, end.cost
+        slopes = p.jacobian(u, rows) if end.slopes is None else end.slopes
+        slopes = self.covariance.whiten(slopes[self.seen]) * p.spread
         squares, axes = np.linalg.eigh(slopes.T @ slopes + np.eye(len(u)))
         axes *= p.spread[:, None] * np.sqrt(2.0 / squares)
         sides = np.empty((2, len(rows), len(u)))
@@ -359,28 +379,24 @@ def likeliest(
             times = [{c.name: {c.scanned: time_s}} for time_s in _scan(search, c, u)]
             problem.scanned |= times[0]
     starts = search.starts(u, new, times) if new.any() else [(0.0, u, {})]
-    ends = [(*search.descend(start, when, LITTLE), when) for _, start, when in problem.apart(starts)]
-    cost, u, rows, time = min(ends, key=lambda end: end[0])
-    cost, u, rows = search.descend(u, time)
-    for name, when in time.items():
+    ends = [search.descend(search.begin(start, when), LITTLE) for _, start, when in problem.apart(starts)]
+    end = search.descend(min(ends, key=lambda one: one.cost))
+    for name, when in end.time.items():
         # The size is known now, so the time may be another beside the one that the scan found.
         ((what, time_s),) = when.items()
         near = [{name: {what: time_s + share * evidence.logs.duration_s}} for share in BESIDE_IT]
-        costs = []
-        for other_time in near:
-            problem.scanned |= other_time
-            costs.append(search.cost(problem.residual(u), u))
-        if min(costs) < cost:
-            time = near[int(np.argmin(costs))]
-            _, u, rows = search.descend(u, time)
-    problem.scanned |= time
-    found = search.across(u, rows)
+        best = min((search.begin(end.u, other) for other in near), key=lambda one: one.cost)
+        if best.cost < end.cost:
+            end = search.descend(best)
+    problem.scanned |= end.time
+    found = search.across(end)
     for _ in range(STEPS):  # a search ends within a jump; what is likelier beyond it shows over the whole width
         further = problem.clipped(found.u + search.step(found.rows, found.slopes, found.u))
         at = problem.residual(further)
-        if search.cost(found.rows, found.u) - search.cost(at, further) < ENOUGH[1]:
+        cost = search.cost(at, further)
+        if search.cost(found.rows, found.u) - cost < ENOUGH[1]:
             break
-        found = search.across(further, at)
+        found = search.across(_End(cost, further, at, end.time))
     return found
 
 
