@@ -2,8 +2,8 @@
 
 Every node has its control thread (``driver``) and its ROS thread (a single-threaded executor);
 ``~/enable`` and ``~/stop`` of all have threads of their own (``switch.py``), and the main thread
-only waits for signals.  The control thread never calls ROS: outputs are handed over to a third
-thread, which publishes them itself and wakes the executor only where there is something to say
+only waits for signals.  The control thread never calls ROS: outputs are handed over to one more
+thread, which publishes those of all wires and wakes an executor only where there is something to say
 (``publishing.py``).  Switching the output off never needs ROS, and no message ends the node
 (``guard.py``).
 

@@ -31,7 +31,7 @@ class Spoken:
         self._health = Health.UNKNOWN  #: as it was last said
         self._log = ""  #: what was last said of the bench log
         self._tuned: Tuned | None = None  #: gains that a tuning has found and the parameters do not have yet
-        self.get_name, self.callback_failed = wire.get_name, wire.callback_failed
+        self.callback_failed = wire.callback_failed
 
     @property
     def config(self) -> Config:

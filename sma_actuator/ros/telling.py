@@ -40,9 +40,6 @@ class Speaker(Protocol[_Output_contra]):
     def has_to_act(self) -> bool:
         """Whether the ROS thread is wanted for each step now."""
 
-    def get_name(self) -> str:
-        """Name of the node."""
-
     def time_of(self, output: _Output_contra) -> float:
         """When it was measured [s]."""
 
@@ -80,7 +77,7 @@ class Telling(Generic[Output]):
         self._published: tuple[Any, ...] = ()  #: of what the last status said
         self._happened: list[str] = []  #: what no message has told yet
         self._woken = node.create_guard_condition(self._take_news)
-        self._handoff: Handoff[Output] = Handoff(speaker.get_name(), self._publish, speaker.callback_failed)
+        self._handoff: Handoff[Output] = Handoff(self._publish, speaker.callback_failed)
 
     @property
     def latest(self) -> Output | None:

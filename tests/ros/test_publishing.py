@@ -23,7 +23,7 @@ def handoff():
         if latest == "bad":
             raise ZeroDivisionError("provoked")
 
-    made = Handoff("wire", publish, errors.append)
+    made = Handoff(publish, errors.append)
     made.published, made.errors, made.go = published, errors, go
     yield made
     go.set()
@@ -66,18 +66,45 @@ def test_reporting_that_raises_does_not_end_the_thread(handoff):
 def test_a_thread_that_hangs_is_seen_and_costs_the_loop_neither_time_nor_memory(handoff):
     assert handoff.moves()
     handoff.put("stuck", True)
+    wait_until(handoff._publishing.locked)
     wait_until(lambda: not handoff.moves())
     for number in range(3 * OUTPUTS_WAITING):
         handoff.put(number, True)
     assert not handoff.moves()
     assert handoff.latest == 3 * OUTPUTS_WAITING - 1
-    assert handoff._fresh.qsize() <= 1, (
+    assert handoff._thread._signs.qsize() <= 1, (
         "a sign for each would wait for ever where outputs come faster than they are published"
     )
     handoff.go.set()
     wait_until(lambda: len(handoff.published) >= 2)
     assert len(handoff.published[1][1]) <= OUTPUTS_WAITING
     wait_until(handoff.moves)
+
+
+def test_a_thread_that_hangs_is_seen_by_all_that_wait_for_it(handoff):
+    """It publishes for all wires of a process; one that says nothing goes on."""
+    published = []
+    other, silent = (Handoff(lambda latest, _: published.append(latest), print) for _ in range(2))
+    handoff.put("stuck", True)
+    wait_until(handoff._publishing.locked)
+    wait_until(lambda: not handoff.moves())
+    other.put("waits", True)
+    silent.put("unheard", False)
+    other.moves()
+    assert (other.moves(), silent.moves(), published) == (False, True, [])
+    handoff.go.set()
+    wait_until(lambda: published == ["waits"] and other.moves())
+
+
+def test_one_that_fails_keeps_nothing_from_the_others(handoff):
+    handoff.go.set()
+    published = []
+    other = Handoff(lambda latest, _: published.append(latest), print)
+    for number in range(5):
+        handoff.put("bad", True)
+        other.put(number, True)
+        wait_until(lambda number=number: published and published[-1] == number)
+    wait_until(lambda: handoff.errors)
 
 
 def test_what_need_not_be_published_is_the_latest_all_the_same(handoff):
@@ -103,19 +130,20 @@ def test_before_the_first_output_there_is_none(handoff):
 
 def test_the_end_waits_for_what_is_being_published_and_no_process_waits_for_the_thread(handoff):
     handoff.put("under way", True)
-    wait_until(lambda: not handoff.moves())
+    wait_until(handoff._publishing.locked)
     threading.Timer(0.1, handoff.go.set).start()
     handoff.close()
     assert handoff.published == [("under way", ["under way"])]
-    assert handoff._thread.daemon, "one that hangs must not keep a process that ends"
+    (thread,) = (each for each in threading.enumerate() if each.name == "hand-off")
+    assert thread.daemon, "one that hangs must not keep a process that ends"
 
 
 def test_a_sign_of_what_was_taken_with_the_one_before_ends_nothing(handoff):
     handoff.go.set()
-    handoff._fresh.put(True)
+    handoff._thread.look_at(handoff)
     handoff.put("next", True)
     wait_until(lambda: handoff.published)
-    handoff._fresh.put(True)
+    handoff._thread.look_at(handoff)
     handoff.put("and the next", True)
     wait_until(lambda: len(handoff.published) == 2)
 
@@ -134,7 +162,7 @@ def test_one_that_is_slow_moves_once_for_each_time_that_it_has_published():
         began.release()
         may_end.acquire()
 
-    slow = Handoff("slow", publish, lambda error: None)
+    slow = Handoff(publish, lambda error: None)
     slow.put(1, True)
     assert began.acquire(timeout=30.0)
     slow.moves()
@@ -149,7 +177,7 @@ def test_one_that_is_slow_moves_once_for_each_time_that_it_has_published():
 
 def test_at_a_thousand_outputs_a_second_it_does_not_take_the_loops_time():
     at_s = []
-    fast = Handoff("fast", lambda _, __: at_s.append(time.monotonic()), lambda error: None)
+    fast = Handoff(lambda _, __: at_s.append(time.monotonic()), lambda error: None)
     until_s = time.monotonic() + 30.0
     while len(at_s) < 30 and time.monotonic() < until_s:
         fast.put(len(at_s), True)
