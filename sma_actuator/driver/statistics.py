@@ -51,8 +51,12 @@ class Slowest:
 
 
 class Deadlines:
-    """One every period from the first step on; those that pass while a step is busy are skipped, not caught up with:
-    old readings help nobody."""
+    """One at every whole period of the clock; those that pass while a step is busy are skipped, not caught up with: old
+    readings help nobody.
+
+    So the loops of a process that have one rate step together: what one of them has had the processor load, the next
+    finds at hand.
+    """
 
     def __init__(self, period_s: float):
         self.period_s = period_s
@@ -65,9 +69,9 @@ class Deadlines:
         self._busy_s = np.full(_WINDOW, np.nan)
 
     def next_s(self, now_s: Callable[[], float]) -> float:
-        """The next; the first one is now."""
+        """The next; the first one within a period from now."""
         if math.isnan(self._start_s):
-            self._start_s = now_s()
+            self._start_s = math.ceil(now_s() / self.period_s) * self.period_s
         return self._start_s + self._number * self.period_s
 
     def begun(self, now_s: float) -> None:

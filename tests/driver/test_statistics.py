@@ -36,6 +36,12 @@ def test_the_first_deadline_is_now_and_the_others_follow_a_period_apart():
     assert (loop.deadlines.steps, loop.deadlines.overruns) == (4, 0)
 
 
+def test_loops_that_begin_at_different_times_step_together():
+    begun = [Loop(1000.0 + part * PERIOD_s) for part in (0.1, 0.5, 1.0)]
+    for number in range(1, 4):
+        assert {loop.step() for loop in begun} == {1000.0 + number * PERIOD_s}
+
+
 def test_before_a_step_nothing_is_known_and_after_one_no_period():
     loop = Loop()
     assert math.isnan(loop.deadlines.last_step_s)
