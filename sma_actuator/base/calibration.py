@@ -275,23 +275,11 @@ class Calibration:
     def ends_m(self, stress_Pa: Any) -> tuple[Any, Any]:
         """The displacements of the contracted and of the cold wire at a stress, straight between those that were
         measured."""
-        if isinstance(stress_Pa, float):
-            return self.contracted(stress_Pa)[1], self.cold(stress_Pa)[1]
+        line = interpolated if isinstance(stress_Pa, float) else np.interp
         return (
-            np.interp(stress_Pa, self.hot_end.contracted_stress, self.hot_end.contracted_displacement),
-            np.interp(stress_Pa, self.rest.cold_stress, self.rest.cold_displacement),
+            line(stress_Pa, self.hot_end.contracted_stress, self.hot_end.contracted_displacement),
+            line(stress_Pa, self.rest.cold_stress, self.rest.cold_displacement),
         )
-
-    @cached_property
-    def contracted(self) -> TwoLines:
-        """Resistance [Ω] and displacement [m] of the contracted wire at a stress [Pa]."""
-        end = self.hot_end
-        return TwoLines(end.contracted_stress, end.contracted_resistance, end.contracted_displacement)
-
-    @cached_property
-    def cold(self) -> TwoLines:
-        """Resistance [Ω] and displacement [m] of the wire at cold rest at a stress [Pa]."""
-        return TwoLines(self.rest.cold_stress, self.rest.cold_resistance, self.rest.cold_displacement)
 
     def share_by_resistance(self, resistance_Ohm: Any, stress_Pa: Any) -> Any:
         """The same by the resistance, which is that share's measure but for hysteresis and a third phase."""
@@ -325,46 +313,6 @@ class Calibration:
     def known(self) -> bool:
         """Whether the model says how good it was."""
         return math.isfinite(self.error)
-
-
-class TwoLines:
-    """Two quantities over a third, straight between the same places: :func:`interpolated` of both; one that is not
-    given is NaN.
-
-    The last answer is remembered: what a step of the loop looks up several times is all at one stress.
-    """
-
-    __slots__ = ("_last", "_left", "_pieces", "_places", "_right")
-
-    def __init__(self, places: Sequence[float], one: Sequence[float], other: Sequence[float]):
-        nothing = (nan,) * len(places)
-        rows = list(zip(places, one or nothing, other or nothing, strict=True))
-        self._places = list(places)
-        #: From each place but the last: itself, and the value and the slope of both.
-        self._pieces = [
-            (x, y, (after_y - y) / (after_x - x), z, (after_z - z) / (after_x - x))
-            for (x, y, z), (after_x, after_y, after_z) in pairwise(rows)
-        ]
-        self._left, self._right = (rows[0][1:], rows[-1][1:]) if rows else ((nan, nan), (nan, nan))
-        self._last: tuple[float, tuple[float, float]] = nan, (nan, nan)
-
-    def __call__(self, at: float) -> tuple[float, float]:
-        """Both at a place; beyond those that are known as at the last of them, NaN at NaN."""
-        last_at, last = self._last
-        if at == last_at:
-            return last
-        right = bisect_right(self._places, at)
-        if at != at:
-            both = nan, nan
-        elif right == 0:
-            both = self._left
-        elif right == len(self._places):
-            both = self._right
-        else:
-            place, one, slope, other, other_slope = self._pieces[right - 1]
-            both = slope * (at - place) + one, other_slope * (at - place) + other
-        self._last = at, both
-        return both
 
 
 def interpolated(at: float, nodes: Sequence[float], values: Sequence[float]) -> float:

@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from sma_actuator.base.calibration import Calibration, TwoLines, through
+from sma_actuator.base.calibration import Calibration, interpolated, through
 
 #: Time over which the stress is averaged: a load cell's noise does not move an end.
 SMOOTH_s = 0.5
@@ -43,10 +43,13 @@ class Ends:
             low_Pa, high_Pa = min(stresses_Pa), max(stresses_Pa)
             beyond_Pa = _BEYOND * (high_Pa - low_Pa)
             at_Pa = np.unique((*np.linspace(low_Pa - beyond_Pa, high_Pa + beyond_Pa, _PLACES), *stresses_Pa))
-            self._ends_m = TwoLines(
-                at_Pa.tolist(),
-                through(hot_end.contracted_stress, hot_end.contracted_displacement, at_Pa).tolist(),
-                through(rest.cold_stress, rest.cold_displacement, at_Pa).tolist(),
+            self._at_Pa = at_Pa.tolist()
+            self._short_m, self._long_m = (
+                through(nodes, values, at_Pa).tolist()
+                for nodes, values in (
+                    (hot_end.contracted_stress, hot_end.contracted_displacement),
+                    (rest.cold_stress, rest.cold_displacement),
+                )
             )
 
     def step(self, stress_Pa: float, dt_s: float) -> None:
@@ -64,7 +67,8 @@ class Ends:
         low_m, high_m = self._range_m
         if not (self.known and isfinite(self._stress_Pa)):
             return low_m, high_m
-        short_m, long_m = self._ends_m(self._stress_Pa)
+        short_m = interpolated(self._stress_Pa, self._at_Pa, self._short_m)
+        long_m = interpolated(self._stress_Pa, self._at_Pa, self._long_m)
         if not short_m < long_m:
             return low_m, high_m
         share = self._share_held(most_rise_K, ambient_C)

@@ -10,12 +10,13 @@ martensite left has more.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import exp, isnan, nan
 from typing import Protocol
 
 import numpy as np
 
-from sma_actuator.base.calibration import Calibration
+from sma_actuator.base.calibration import Calibration, interpolated
 from sma_actuator.base.jit import jit
 from sma_actuator.base.sections import ThermalParameters
 
@@ -86,7 +87,6 @@ class HotEnd:
         self.known = config.calibration.hot_end_known
         self._stress_Pa, self._resistance_Ohm = hot_end.contracted_stress, hot_end.contracted_resistance
         self._displacement_m = hot_end.contracted_displacement
-        self._contracted = config.calibration.contracted
         self._state = np.zeros(3)
         self.update(config)
         self.reset()
@@ -112,15 +112,14 @@ class HotEnd:
 
     def displacement_m(self, stress_Pa: float | np.ndarray) -> float | np.ndarray:
         """Where a wire is that is contracted as far as it goes."""
-        if isinstance(stress_Pa, float):
-            return self._contracted(stress_Pa)[1]
-        return np.interp(stress_Pa, self._stress_Pa, self._displacement_m)
+        line: Callable = interpolated if isinstance(stress_Pa, float) else np.interp
+        return line(stress_Pa, self._stress_Pa, self._displacement_m)
 
     def step(self, time_s: float, resistance_Ohm: float, stress_Pa: float, power_W: float, ambient_C: float) -> bool:
         """Whether one sample is that of a contracted wire."""
         if isnan(ambient_C) or abs(ambient_C - self._usual_C) > self._tolerance_K:
             ambient_C = self._usual_C
-        contracted_Ohm = self._contracted(stress_Pa)[0]
+        contracted_Ohm = interpolated(stress_Pa, self._stress_Pa, self._resistance_Ohm)
         return bool(_contracted(time_s, resistance_Ohm, contracted_Ohm, power_W, ambient_C, self._state, self._line))
 
     def run(

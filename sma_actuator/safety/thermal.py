@@ -23,7 +23,7 @@ from __future__ import annotations
 import math
 from math import exp, expm1, inf, isfinite, nan
 
-from sma_actuator.base.calibration import Calibration, HotEndSection
+from sma_actuator.base.calibration import Calibration, HotEndSection, interpolated
 from sma_actuator.base.jit import Floats, floats, jit
 from sma_actuator.base.sections import ThermalParameters
 
@@ -205,7 +205,8 @@ def transforms_at_C(
     hot_end, rest = calibration.hot_end, calibration.rest
     if not (calibration.transformation_known and hot_end.contracted_resistance and rest.cold_resistance):
         return math.inf
-    hot_Ohm, cold_Ohm = calibration.contracted(stress_Pa)[0], calibration.cold(stress_Pa)[0]
+    hot_Ohm = interpolated(stress_Pa, hot_end.contracted_stress, hot_end.contracted_resistance)
+    cold_Ohm = interpolated(stress_Pa, rest.cold_stress, rest.cold_resistance)
     if not hot_Ohm < cold_Ohm:
         return math.inf
     share = (resistance_Ohm - hot_Ohm) / (cold_Ohm - hot_Ohm)
