@@ -11,7 +11,7 @@ import numpy as np
 from sma_actuator.estimation.models.whole_range import CURVE_TERMS, DIRECT, STRESS
 
 LEARNERS = 3
-UNITS = 16  #: tanh units of each
+UNITS = 32  #: tanh units of each; of 16, 24, 32 and 40 the fewest beyond which nothing was won (docs/whole_range.md)
 ROBUST = 1.0  #: % of the full stroke beyond which an error counts linearly
 _BOLD = 1e-2  #: damping that a search begins with
 SHRINKAGE = 0.3  #: of the weights, in squared % of the full stroke
