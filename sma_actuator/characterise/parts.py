@@ -12,7 +12,7 @@ import numpy as np
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.config import Config, require_calibrated
 from sma_actuator.estimation.circuit import resistance_and_current
-from sma_actuator.estimation.models.whole_range import WholeRangeModel
+from sma_actuator.estimation.models import ThermalStrainModel
 from sma_actuator.logs.bench_log import BenchLog, signals_from_log
 
 from . import programs
@@ -187,7 +187,7 @@ def positions_m(config: Config, shares: Sequence[float], low_m: float, high_m: f
     first, last = OUTERMOST
     way = np.linspace(first, last, 181)
     doubt = np.ones(len(way))
-    if isinstance(model, WholeRangeModel):
+    if isinstance(model, ThermalStrainModel):
         doubt = model.doubt(low_m + way * (high_m - low_m))
     grown = np.concatenate(([0.0], np.cumsum(doubt[1:] + doubt[:-1])))
     along = (np.array(shares) - first) / (last - first)

@@ -73,6 +73,9 @@ class ThermalStrainModel(Protocol):
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The same of n samples, arrays of shape (n,), by the same kernel, so the numbers are the same."""
 
+    def doubt(self, displacement_m: np.ndarray) -> np.ndarray:
+        """How unsure it is at places, shape (n,), one over the other; in no unit."""
+
 
 def _refusal(_name: str, cls: type) -> str:
     missing = [method for method in ("build", "mismatches") if not callable(getattr(cls, method, None))]
