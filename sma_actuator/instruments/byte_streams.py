@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-import re
 import select
 import socket
 import time
@@ -15,6 +14,7 @@ from typing import Protocol, cast
 import pyvisa
 
 from .parameters import TERMINATIONS, Connection, SerialLine
+from .patterns import Pattern
 
 #: An answer without an end is given up after this many bytes; a block of 5000 samples of five channels has 0.4 MB.
 LONGEST_ANSWER = 1 << 20
@@ -32,7 +32,7 @@ class Manner:
 
     write_termination: str = "\n"
     read_termination: str = "\n"
-    acknowledgement: re.Pattern[str] | None = None  #: the whole line that answers a command; None: it has no answer
+    acknowledgement: Pattern | None = None  #: the whole line that answers a command; None: it has no answer
     pause_s: float = 0.0  #: from the end of a command or an answer to the next command
     serial: SerialLine = field(default_factory=SerialLine)  #: where it is one
     backend: str = OWN_BACKEND
@@ -42,7 +42,7 @@ class Manner:
         cls,
         connection: Connection,
         terminations: tuple[str, str] = ("\n", "\n"),
-        acknowledgement: re.Pattern[str] | None = None,
+        acknowledgement: Pattern | None = None,
     ) -> Manner:
         """What the parameters say; the terminations, of what is written and read, for where they say none."""
         return cls(

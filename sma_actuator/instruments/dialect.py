@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import difflib
 import importlib.resources
-import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
@@ -21,7 +20,8 @@ from sma_actuator.base.plug_ins import MEND, PlugInError, described, load_plug_i
 from sma_actuator.base.yaml_text import read_yaml
 
 from .parameters import TERMINATIONS
-from .phrases import Command, Query, is_number, pattern_or_none
+from .patterns import Pattern
+from .phrases import Command, Query, is_number, pattern_or_none, why_no_pattern
 
 FOLDER = Path(__file__).parent / "dialects"
 #: Entry points of other packages that bring a dialect: its name, and the package whose folder holds <name>.yaml.
@@ -128,9 +128,9 @@ class Dialect:
     path: Path
     kind: str  #: supply or daq
     family: str
-    identity: re.Pattern[str]
+    identity: Pattern
     terminations: tuple[str, str]  #: of a line sent, of a line of an answer
-    acknowledgement: re.Pattern[str] | None  #: the whole line that answers a command; None: a command has no answer
+    acknowledgement: Pattern | None  #: the whole line that answers a command; None: a command has no answer
     commands: Mapping[str, Command]
     queries: Mapping[str, Query]
     trips: Mapping[str, Query]  #: by word (OVP, OCP, OTP, WDOG) or ``*``
@@ -196,7 +196,7 @@ class Dialect:
             if acknowledgement is None:
                 problems.append(
                     f"acknowledgement: {document['acknowledgement']!r}; a regular expression for the whole line that "
-                    "answers a command is wanted, in quotes"
+                    f"answers a command is wanted, in quotes{why_no_pattern(document['acknowledgement'])}"
                 )
         identity = _identity(document, queries, problems)
         if problems:
@@ -297,18 +297,19 @@ def _trips(entries: Any, problems: list[str]) -> dict[str, Query]:
     return {word: query for word, query in read.items() if query is not None}
 
 
-def _identity(document: Mapping[str, Any], queries: Mapping[str, Query], problems: list[str]) -> re.Pattern[str]:
+def _identity(document: Mapping[str, Any], queries: Mapping[str, Query], problems: list[str]) -> Pattern:
     """What it must say of itself; anything where it cannot be asked."""
     if "identity" not in queries:
         if "identity" in document:
             problems.append("identity: nothing is asked that could be held against it (queries.identity: null)")
-        return re.compile("")
+        return Pattern("")
     asked = queries["identity"].text
-    identity = pattern_or_none(document.get("identity"))
+    said = document.get("identity")
+    identity = pattern_or_none(said, whole=False)
     if identity is None or identity.search(""):
-        loose = "" if identity is None else " (this one lets any instrument pass)"
-        problems.append(f"identity: a regular expression for the answer to {asked} is wanted{loose}")
-    return identity or re.compile("")
+        why = why_no_pattern(said, whole=False) or " (this one lets any instrument pass)"
+        problems.append(f"identity: a regular expression for the answer to {asked} is wanted{why}")
+    return identity or Pattern("")
 
 
 def _wrong_watchdog(document: Mapping[str, Any], queries: Collection[str]) -> list[str]:

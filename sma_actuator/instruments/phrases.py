@@ -15,6 +15,8 @@ from dataclasses import dataclass
 from math import copysign, inf, isfinite, nan
 from typing import Any, Self
 
+from .patterns import Pattern
+
 #: What stands in for the placeholders when a file is checked.
 _TRIAL = {"channel": 1, "value": 0.5, "channels": "101,102", "samples": 50, "readings": 100}
 #: How a value may be written: sign, zeros, width and decimals that a line has, and a kind that instruments read; no
@@ -73,15 +75,15 @@ class Query:
     """A text that asks, and what the line that answers it means."""
 
     text: str
-    answer: re.Pattern[str] | None = None  #: its one group is the value
+    answer: Pattern | None = None  #: its one group is the value
     field: int = 0  #: of a list with commas, counted from 1; 0: it is no list
     base: int = 10
     scale: float = 1.0
     mask: Mapping[int, int] | int = (
         0  #: bits of a status word, any of which says yes; by channel where it depends on that
     )
-    yes: re.Pattern[str] | None = None
-    no: re.Pattern[str] | None = None
+    yes: Pattern | None = None
+    no: Pattern | None = None
 
     @classmethod
     def read(cls, name: str, entry: Any, allowed: Collection[str], reading: str, problems: list[str]) -> Self | None:
@@ -101,13 +103,14 @@ class Query:
         _wrong_placeholders(name, (text,), allowed, problems)
         for key, (fits, wanted) in _QUERY_CHECKS.items():
             if key in mapping and not fits(mapping[key]):
-                problems.append(f"{name}.{key}: {mapping[key]!r}; {wanted} is wanted")
+                why = why_no_pattern(mapping[key]) if key in _PATTERNS else ""
+                problems.append(f"{name}.{key}: {mapping[key]!r}; {wanted} is wanted{why}")
                 del mapping[key]
-        if "answer" in mapping and re.compile(mapping["answer"]).groups != 1:
+        if "answer" in mapping and Pattern(mapping["answer"]).groups != 1:
             problems.append(f"{name}.answer: {mapping['answer']!r} has not one group; the value goes in (parentheses)")
         if ("yes" in mapping) != ("no" in mapping):
             problems.append(f"{name}: yes and no are wanted together: an answer that is neither proves nothing")
-        compiled = {key: re.compile(mapping[key]) for key in ("answer", "yes", "no") if key in mapping}
+        compiled = {key: Pattern(mapping[key]) for key in _PATTERNS if key in mapping}
         entries: dict[str, Any] = {key: value for key, value in mapping.items() if key in known}
         return cls(text, **{**entries, **compiled})
 
@@ -202,18 +205,28 @@ def is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def pattern_or_none(text: Any) -> re.Pattern[str] | None:
-    """A regular expression; None where it is none."""
+def pattern_or_none(text: Any, whole: bool = True) -> Pattern | None:
+    """A regular expression; None where it is none that is bounded."""
     try:
-        return re.compile(text)
-    except (TypeError, re.error, OverflowError, RecursionError):
+        return Pattern(text, whole)
+    except ValueError:
         return None
+
+
+def why_no_pattern(text: Any, whole: bool = True) -> str:
+    """Why :func:`pattern_or_none` is none, to end a sentence with; "" where it is one."""
+    try:
+        Pattern(text, whole)
+    except ValueError as error:
+        return f": {error}"
+    return ""
 
 
 def _counts(value: Any) -> bool:
     return isinstance(value, int) and not isinstance(value, bool) and value > 0
 
 
+_PATTERNS = ("answer", "yes", "no")
 #: Entry → whether a value will do, and what is wanted.
 _QUERY_CHECKS: dict[str, tuple[Callable[[Any], bool], str]] = {
     "answer": (lambda value: pattern_or_none(value) is not None, "a regular expression for the whole line"),

@@ -20,7 +20,6 @@ from __future__ import annotations
 import contextlib
 import logging
 import math
-import re
 import socket
 import threading
 import time
@@ -35,6 +34,7 @@ from sma_actuator.base.parameters import ConfigError
 from . import InstrumentLate, InstrumentLost, InstrumentRefused, InstrumentUnreachable
 from .byte_streams import LONGEST_ANSWER, OWN_BACKEND, ByteStream, LAST_WORDS_s, Manner, SocketStream, VisaStream
 from .claim import Claim
+from .patterns import Pattern
 
 _log = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -225,7 +225,7 @@ class Session:
             self._told.clear()
         return value
 
-    def introduce(self, line: str, identity: re.Pattern[str]) -> str:
+    def introduce(self, line: str, identity: Pattern) -> str:
         """Ask who it is, as the first question on a connection: the answer, whether it is like ``identity`` or not.
 
         Raises InstrumentRefused where commands told before were answered, and nothing says that they are.

@@ -375,6 +375,16 @@ def test_an_unknown_dialect_names_its_neighbour():
         (lambda d: d.update(termination="LF"), "termination: 'LF' ends no line"),
         (lambda d: d.update(answer_termination=" "), "answer_termination: ' ' ends no line"),
         (lambda d: d.update(acknowledgement="("), r"acknowledgement: '\('; a regular expression for the whole line"),
+        (lambda d: d.update(acknowledgement="(O+)+"), "acknowledgement: .*, in quotes: what is repeated in it varies"),
+        (
+            lambda d: d.update(identity="(A+)+"),
+            "identity: a regular expression .* is wanted: what is repeated in it varies",
+        ),
+        (lambda d: d.update(identity="A.*B.*C.*D"), "identity: .* is wanted: it has 3 repetitions .*; 2 at the most"),
+        (
+            lambda d: d["queries"].update(current={"ask": "A?", "answer": "((a+)+)"}),
+            "queries.current.answer: .* is wanted: what is repeated in it varies",
+        ),
         (lambda d: d.update(zero_current="1 mA"), "zero_current: '1 mA' is not the least current"),
         (lambda d: d.update(zero_current=-0.1), "zero_current: -0.1 is not the least current"),
         (lambda d: d.update(measures_while_off=0), "measures_while_off: 0 is neither true nor false"),
