@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from .content import content_of
 from .parameters import ConfigError
 
 SECTION = "tables"  #: of a parameter file
@@ -115,8 +116,7 @@ def _put(into: dict[str, Any], parents: list[str], last: str, numbers: list[floa
 def _read(path: Path, sha256: Any, source: str) -> dict[str, list[float]]:
     copy = "take both files from the same place, or identify the wire again"
     try:
-        with path.open("rb") as stream:
-            content = stream.read(MOST_BYTES + 1)
+        content = content_of(path, MOST_BYTES)
     except OSError as error:
         why = "is not there" if isinstance(error, FileNotFoundError) else f"cannot be read ({error.strerror or error})"
         raise ConfigError(f"{source}: its tables, {path}, {why}; {copy}") from error

@@ -14,6 +14,7 @@ from typing import Any
 
 import yaml
 
+from .content import content_of
 from .parameters import ConfigError
 
 #: Sixteen of the longest wires, coils, whose tables stand in it, take 530 000; PyYAML takes about six seconds for it.
@@ -179,9 +180,7 @@ def read_yaml(path: str | Path, wanted: str) -> Any:
     """The document in a file.  Raises ConfigError; its sentence names the file, and says that ``wanted`` is wanted."""
     path = Path(path)
     try:
-        with path.open("rb") as stream:
-            content = stream.read(4 * LONGEST_TEXT + 1)  # so much UTF-8 is too long in any case
-        text = content.decode("utf-8-sig")
+        text = content_of(path, 4 * LONGEST_TEXT).decode("utf-8-sig")  # so much UTF-8 is too long in any case
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error.strerror or error}); {wanted} is wanted") from error
     except UnicodeDecodeError as error:

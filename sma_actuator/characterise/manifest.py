@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from sma_actuator.base.content import json_of
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.logs.files import write_atomically
 
@@ -23,10 +24,10 @@ class Manifest:
         self.data: dict[str, Any] = {"wire": dict(wire), "calibration": {}, "parts": {}}
         if self.path.exists():
             try:
-                self.data = json.loads(self.path.read_text(encoding="utf-8"))
+                self.data = json_of(self.path)
                 found = self.data["wire"]
                 self.data["parts"], self.data["calibration"]
-            except (ValueError, KeyError, TypeError) as error:
+            except (OSError, ValueError, KeyError, TypeError) as error:
                 raise ConfigError(f"{self.path}: is not a manifest of a characterisation ({error})") from error
             if found != dict(wire):
                 raise ConfigError(

@@ -19,6 +19,7 @@ from typing import IO, Any, Protocol
 
 import numpy as np
 
+from sma_actuator.base.content import json_of
 from sma_actuator.base.errors import named
 from sma_actuator.base.sections import SupplyParameters
 from sma_actuator.base.signals import Reading, Signals
@@ -418,8 +419,8 @@ def read_metadata(path: Path) -> dict[str, Any]:
     if not beside.exists():
         return {}
     try:
-        metadata = json.loads(beside.read_text(encoding="utf-8"))
-    except ValueError as error:
+        metadata = json_of(beside)
+    except (OSError, ValueError) as error:
         raise BenchLogError(f"{beside}: is not JSON ({error}); it describes {path.name}") from error
     if not isinstance(metadata, dict):
         raise BenchLogError(f"{beside}: holds no JSON object; it describes {path.name}")

@@ -33,9 +33,9 @@ class RosArguments:
     _read: dict[Path, Mapping[str, Any]] = field(default_factory=dict, init=False, repr=False)
 
     @property
-    def renames_node(self) -> bool:
-        """Whether a remapping gives the node another name (it would give it to every node of the process)."""
-        return any(re.match(r"(__node|__name):=", argument) for argument in self.rclpy)
+    def new_names(self) -> list[str]:
+        """Names that remappings give the node (they would give them to every node of the process)."""
+        return [found[1] for word in self.rclpy if (found := re.match(r"__(?:node|name):=(.*)", word, re.DOTALL))]
 
     def parameters_of(self, node: str) -> dict[str, Any]:
         """The parameters of the node with this fully qualified name; later sources override earlier ones.

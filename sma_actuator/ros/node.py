@@ -145,9 +145,12 @@ def named(arguments: list[str]) -> tuple[ros_arguments.RosArguments, list[str], 
     for name in names:
         if not is_node_name(name):
             raise ConfigError(f"--nodes, --joints: {name[:60]!r} is no name of a node: {NODES_NAMES}")
+    for name in ros.new_names:
+        if not is_node_name(name):
+            raise ConfigError(f"-r __node:=…: {name[:60]!r} is no name of a node: {NODES_NAMES}")
     if len(set(names)) != len(names):
         raise ConfigError(f"--nodes, --joints: a name stands twice in {', '.join(names)}")
-    if len(names) > 1 and ros.renames_node:
+    if len(names) > 1 and ros.new_names:
         raise ConfigError("-r __node:=…: gives all nodes of this process the same name; name them with --nodes")
     return ros, args.nodes, args.joints
 

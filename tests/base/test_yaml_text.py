@@ -1,6 +1,7 @@
 """YAML that means something else than a person reads in it, or costs more than its size, is refused with its line."""
 
 import math
+import os
 import time
 
 import pytest
@@ -192,3 +193,9 @@ def test_of_thousands_of_sections_that_are_not_ours_the_first_are_named(tmp_path
     with pytest.raises(ConfigError, match=r"found node0, node1, .*… \(10000 in all\)") as refusal:
         Config.load(path)
     assert len(str(refusal.value)) < 500
+
+
+def test_a_pipe_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "a.yaml")
+    with pytest.raises(ConfigError, match=r"a\.yaml: cannot be read \(it is a pipe\); a parameter file is wanted"):
+        read_yaml(tmp_path / "a.yaml", "a parameter file")

@@ -123,15 +123,17 @@ def test_arguments_that_ros_does_not_understand_get_a_sentence(arguments, senten
         begin_ros(["--ros-args", *arguments])
 
 
-def test_a_name_too_long_for_the_topics_of_a_node_gets_a_sentence():
+@pytest.mark.parametrize("length", [240, 300])
+def test_a_name_too_long_for_the_topics_of_a_node_gets_a_sentence(length):
+    """Of the topics at the first, of any node at the second, which ended in a traceback."""
     pytest.importorskip("rclpy")
     file = shared_file("config/flexinol.yaml")
-    named = ["-r", f"__node:={'a' * 240}", "--params-file", str(file)]
+    named = ["-r", f"__node:={'a' * length}", "--params-file", str(file)]
     code = "import sys; from sma_actuator.ros.node import main; sys.exit(main(sys.argv[1:]))"
     arguments = [sys.executable, "-c", code, "--ros-args", *named]
     ended = subprocess.run(arguments, capture_output=True, text=True, timeout=60)
     assert ended.returncode == 1 and "Traceback" not in ended.stderr
-    assert "sma_actuator_node: --ros-args: Invalid service name" in ended.stderr
+    assert "aaa' is no name of a node: letters, digits and _ are wanted" in ended.stderr
 
 
 def test_sixteen_coils_with_their_tables_stand_in_one_file_that_is_read_once(file, monkeypatch):
