@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from sma_actuator.base.content import content_of
 from sma_actuator.base.errors import UserError
 from sma_actuator.logs.mapping import ColumnMap
 from sma_actuator.logs.sense import MOST_STROKE
-from sma_actuator.logs.tables import read_text
+from sma_actuator.logs.tables import SMALL_B, read_text
 
 COLUMNS = ("temperature_C", "strain", "stress_Pa")
 HOTTEST_C, MOST_STRESS_Pa = 300.0, 1.5e9  #: what no wire does: above 200 °C there is no loop to see, and 1 GPa tears it
@@ -67,10 +68,13 @@ def read_loop(path: str | Path, columns: ColumnMap = ColumnMap(known=COLUMNS)) -
     """
     path = Path(path)
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        content = content_of(path, SMALL_B)
+        lines = content.decode("utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise UserError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from error
-    rows = [(number, line.replace(",", " ").split()) for number, line in enumerate(lines, 1) if line.strip()]
+    if len(content) > SMALL_B:
+        raise UserError(f"{path}: is longer than {SMALL_B / 1e6:g} MB; one loop is wanted")
+    rows = [(number, words) for number, line in enumerate(lines, 1) if (words := line.replace(",", " ").split())]
     if not rows:
         raise UserError(f"{path}: is empty")
     if _is_number(rows[0][1][0]):

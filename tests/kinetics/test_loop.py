@@ -1,6 +1,7 @@
 """Isobaric loops: what is read off them, what is fitted to them, and what the measured wires in shared/data say."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +14,7 @@ from sma_actuator.cli.main import main
 from sma_actuator.kinetics.fitting import FAMILIES, both, fit, guess
 from sma_actuator.kinetics.reading import read_loop
 from sma_actuator.kinetics.temperatures import slopes_Pa_K, temperatures
+from sma_actuator.logs.tables import SMALL_B
 from sma_actuator.plant.kinetics import LiangRogers, Logistic, Measured, follow
 from sma_actuator.plant.measured import FLEXINOL_381UM
 
@@ -79,6 +81,7 @@ def test_cooling_first_gives_the_same_branches(tmp_path):
     ("text", "sentence"),
     [
         ("", "is empty"),
+        (" , ,\n" * 50, "is empty"),
         ("temperature_C,strain\n1,2\n", "line 1: no column stress_Pa"),
         ("1 2\n" * 50, "line 1: 2 columns and no header"),
         ("1 2 3\n" * 5, "5 samples are no loop"),
@@ -93,6 +96,16 @@ def test_what_is_no_loop_is_refused_by_file_and_line(tmp_path, text, sentence):
     with pytest.raises(UserError, match="wrong.txt") as refused:
         read_loop(path)
     assert sentence in str(refused.value)
+
+
+def test_what_is_no_file_or_longer_than_a_loop_is_not_read(tmp_path):
+    os.mkfifo(tmp_path / "pipe.csv")
+    with pytest.raises(UserError, match=r"pipe\.csv: cannot be read \(it is a pipe\)"):
+        read_loop(tmp_path / "pipe.csv")
+    (tmp_path / "long.csv").touch()
+    os.truncate(tmp_path / "long.csv", SMALL_B + 1)
+    with pytest.raises(UserError, match=r"long\.csv: is longer than 50 MB"):
+        read_loop(tmp_path / "long.csv")
 
 
 def test_temperatures_and_slopes_of_a_known_wire_are_read_off(loops):
