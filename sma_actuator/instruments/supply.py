@@ -182,6 +182,14 @@ class SessionSupply(ABC):
                 self._begin_afterwards()
         self._tell_output(on)
 
+    def _keep_afterwards(self) -> None:
+        """Begin it anew where it was ended by somebody, as all of a program's processes may be, one after the other."""
+        if self._afterwards is not None and not self._afterwards.waits:
+            self._afterwards.leave()
+            self._afterwards = None
+            _log.warning("%s: who says off when this program is killed was ended; begun anew", self._session.name)
+            self._begin_afterwards()
+
     def _begin_afterwards(self) -> None:
         try:
             self._afterwards = Afterwards(self._config)
@@ -208,7 +216,8 @@ class SessionSupply(ABC):
             self._do_check(check)
 
     def check_next_setting(self) -> None:
-        """The same of one of them, in turn."""
+        """The same of one of them, in turn; and that somebody waits who says off when this program is gone."""
+        self._keep_afterwards()
         if self._checks:
             self._check_number = (self._check_number + 1) % len(self._checks)
             self._do_check(self._checks[self._check_number])

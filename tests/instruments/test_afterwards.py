@@ -195,3 +195,35 @@ def test_nobody_to_begin_is_a_warning_and_no_failure(mapping, monkeypatch, caplo
     assert "nobody says off when this program is killed" in caplog.text
     supply.switch_off()
     supply.close()
+
+
+def test_who_waits_and_is_ended_is_begun_anew_while_current_may_flow(mapping, caplog):
+    """The program that was killed after it left the current on."""
+    supply = open_supply(Config.from_mapping(mapping()))
+    supply.open()
+    supply.set_output(True)
+    first = supply._afterwards._process
+    supply.check_next_setting()
+    assert supply._afterwards._process is first and "begun anew" not in caplog.text
+    first.kill()
+    first.wait()
+    supply.check_next_setting()
+    assert supply._afterwards.waits and supply._afterwards._process.pid != first.pid
+    assert "who says off when this program is killed was ended; begun anew" in caplog.text
+    supply.switch_off()
+    supply.close()
+    assert supply._afterwards is None
+
+
+def test_where_none_can_be_begun_anew_that_is_said_once(mapping, monkeypatch, caplog):
+    supply = open_supply(Config.from_mapping(mapping()))
+    supply.open()
+    supply.set_output(True)
+    supply._afterwards._process.kill()
+    supply._afterwards._process.wait()
+    monkeypatch.setattr(sys, "executable", "/nowhere/python")
+    for _ in range(3):
+        supply.check_next_setting()
+    assert caplog.text.count("nobody says off when this program is killed") == 1
+    supply.switch_off()
+    supply.close()
