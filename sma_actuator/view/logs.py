@@ -61,13 +61,15 @@ class LogDesk:
         if len(name.encode()) > LONGEST_NAME_B:
             raise UserError(f"{name[:40]}…: a name of more than {LONGEST_NAME_B} bytes; give the file a shorter one")
         await self.give_up()
-        self._folder = tempfile.TemporaryDirectory(prefix="sma_view_")
-        folder = Path(self._folder.name)
+        mine = self._folder = tempfile.TemporaryDirectory(prefix="sma_view_")
+        folder = Path(mine.name)
         log = folder / (re.sub(r"[^\w.+-]", "_", Path(name).name).lstrip(".") or "log")
         with log.open("wb") as stream:
             size = 0
             async for chunk in chunks:
                 size += len(chunk)
+                if self._folder is not mine:
+                    raise UserError(f"{name}: another log was dropped meanwhile, and takes its place")
                 if size > LARGEST_B:
                     await self.give_up()
                     raise UserError(f"{name}: more than {LARGEST_B // 1_000_000} MB; use sma-actuator replay and trace")

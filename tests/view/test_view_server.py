@@ -257,6 +257,22 @@ def test_an_answer_that_ros_owes_is_no_success():
     with_server(work)
 
 
+def test_whatever_ros_raises_at_a_question_the_page_is_answered():
+    """A number of more than 64 bits: rclpy raises SystemError, and the page waited for ever."""
+
+    async def work(client, server, wire):
+        async def broken(name, value):
+            raise SystemError("returned a result with an exception set")
+
+        wire.set_parameter = broken
+        socket = await client.ws_connect("/live", headers=headers_of(client, server))
+        answer = await asked(socket, 1, do="parameter", name="controller.kp", value=2**70)
+        assert not answer["ok"] and answer["sentence"].startswith("not understood: SystemError: returned a result")
+        await socket.close()
+
+    with_server(work)
+
+
 def test_what_a_page_does_not_take_displaces_the_oldest():
     async def work():
         page = _Page()
@@ -319,6 +335,37 @@ def test_a_log_with_a_name_that_no_disk_takes_is_refused_in_words(name):
             assert "give the file a shorter one" in await response.text()
 
     with_server(work, Config.load(shared_file("config/flexinol.yaml")))
+
+
+def test_a_log_that_comes_while_another_is_dropped_gives_way_in_words(monkeypatch):
+    """It was said that the disk has no such folder; one that was too large took the newer one with it."""
+
+    async def work():
+        desk = logs.LogDesk(lambda said: None)
+        worked_on = []
+        monkeypatch.setattr(desk, "_work", lambda log, model: worked_on.append(log.name) or asyncio.sleep(0))
+        config = Config.load(shared_file("config/flexinol.yaml"))
+        begun, dropped = asyncio.Event(), asyncio.Event()
+
+        async def slow():
+            yield b"time_s\n"
+            begun.set()
+            await dropped.wait()
+            yield b"1\n"
+
+        async def whole():
+            yield b"time_s\n1\n"
+
+        first = asyncio.create_task(desk.take("first.csv", slow(), config))
+        await begun.wait()
+        await desk.take("second.csv", whole(), config)
+        dropped.set()
+        with pytest.raises(UserError, match=r"first\.csv: another log was dropped meanwhile"):
+            await first
+        assert worked_on == ["second.csv"]
+        await desk.give_up()
+
+    asyncio.run(work())
 
 
 def test_a_log_that_the_disk_does_not_take_is_answered_in_words(monkeypatch):
