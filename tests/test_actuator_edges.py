@@ -310,3 +310,8 @@ class TestMeasurementsOfTheCircuit:
         assert done == is_measured, words
         assert ("is not that of leads" in words) != is_measured
         assert (abs(value_Ohm - total_Ohm) < 1e-9) if is_measured else math.isnan(value_Ohm)
+
+
+def test_a_live_parameter_arrives_in_the_health_of_the_model(rig):
+    rig.actuator.update(rig.config.replace({"thermal.ambient_tolerance": 3.0}))
+    assert rig.actuator._health._tolerance_K == 3.0

@@ -84,9 +84,9 @@ class PairDriver:
         self._stepped_s = nan
         self._heard_s = nan  #: when the last command came; NaN: since the last step
         self._lost = ""  #: why the commander counts as lost
-        self._forget_trajectories()
 
     def _forget_trajectories(self) -> None:
+        """Also when it is switched on: before, there are none."""
         self._offered: tuple[float, Trajectory] | None = None  #: delay from the next step on
         self._awaited: tuple[float, Trajectory] | None = None  #: start, of one that is still to begin
         self._motion: tuple[float, Trajectory] | None = None  #: start, of what is followed, and after its end held

@@ -420,3 +420,16 @@ def test_live_surroundings_arrive_in_its_heat(config):
     signals, estimate = _seen(0.0, 0.002, 0.2)
     law.sense(replace(signals, ambient_temperature_C=math.nan), estimate)
     assert law.heat.ambient_C == 31.0
+
+
+@pytest.mark.parametrize(
+    ("dt_s", "over_bias_A", "acts"),
+    [(0.05, 0.0, True), (0.05, -1e-9, False), (1e6, 0.1, True), (1e6 + 0.5, 0.1, False)],
+)
+def test_it_acts_where_there_is_a_current_to_choose_and_a_time_to_reckon_with(config, dt_s, over_bias_A, acts):
+    """Also where the bias is all that there is: the heat goes on."""
+    law = FeedForwardPid(config.controller, config)
+    law.reset(0.002, 0.1)
+    law._wearing_off_A = 0.2
+    law.step(0.002, 0.0021, dt_s, config.supply.bias_current + over_bias_A)
+    assert (law._wearing_off_A < 0.2) is acts

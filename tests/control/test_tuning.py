@@ -92,6 +92,12 @@ def tune(rig):
     assert rig.status.mode is Mode.TUNING
 
 
+def test_it_reckons_with_the_period_of_the_loop():
+    rig = rig_of()
+    tune(rig)
+    assert rig.actuator._tuner.running._around.period_s == 1.0 / rig.config.loop.rate
+
+
 @pytest.fixture(scope="module")
 def tuned():
     """A wire tuned from gains ten times too high; outputs from then on."""

@@ -326,3 +326,45 @@ class TestLink:
         with pytest.raises(ZeroDivisionError):
             link.ask(self.raising(ZeroDivisionError()))
         assert link.answers
+
+
+def test_nobody_has_been_waited_for_before_the_first_question():
+    assert Link("supply", StandInSupply(), 0.2, 5.0, lambda: 7.0).waited_s() == 0.0
+
+
+def test_of_instruments_of_which_the_second_cannot_be_opened_the_output_is_known_to_be_off(make_config):
+    """The supply was heard of, and has said off, when the DAQ was not to be found."""
+
+    daq = StandInDaq(StandInSupply())
+    daq.lost = True
+    config = Config.from_mapping(make_config())
+    bench = VirtualBench.from_name("flexinol", seed=1)
+    driver = Driver(config, NotedSupply(bench, config), daq, VirtualClock(bench))
+    with pytest.raises(InstrumentLost):
+        driver.open()
+    assert driver.output_is_off
+
+
+class TestRate:
+    """Five steps tell how long the instruments take; of fewer, or of an instrument that is lost, nothing is said."""
+
+    @pytest.fixture
+    def slow(self, make_config):
+        class Slow(NotedSupply):
+            def read_back(self):
+                self._bench.advance(self._bench.time_s + 0.06)  # a step has 0.05 s
+                return super().read_back()
+
+        config = Config.from_mapping(make_config(**{"loop.overruns_to_fault": 1000}))
+        bench = VirtualBench.from_name("flexinol", seed=1)
+        bench.advance(0.2)
+        driver = Driver(config, Slow(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
+        driver.open()
+        yield driver
+        driver.stop()
+
+    @pytest.mark.parametrize(("steps", "refused"), [(0, False), (4, False), (5, True)])
+    def test_it_is_refused_by_five_steps_and_by_no_fewer(self, slow, steps, refused):
+        for _ in range(steps):
+            slow.tick()
+        assert ("so loop.rate can be" in slow.enable(True)[1]) is refused

@@ -482,3 +482,22 @@ def test_after_a_reset_a_contracted_wire_is_one_of_which_nothing_is_known(wire):
     chain.run(some(arrays, slice(0, hot)))
     chain.reset()
     np.testing.assert_array_equal(chain.run(after).displacement_m, Chain(config).run(after).displacement_m)
+
+
+def test_a_live_parameter_arrives_at_the_hot_end(config):
+    chain = Chain(config)
+    chain.update(config.replace({"thermal.ambient_tolerance": 3.0}))
+    assert chain._hot_end._tolerance_K == 3.0
+
+
+@pytest.mark.parametrize("bound", ["resistance_min", "resistance_max"])
+def test_a_resistance_at_its_bound_is_good_for_one_sample_and_for_many(config, bound):
+    """And one beyond it for neither."""
+    at_Ohm = getattr(config.safety, bound)
+    beyond_Ohm = np.nextafter(at_Ohm, 0.0 if bound == "resistance_min" else np.inf)
+    for resistance_Ohm, good in ((at_Ohm, True), (beyond_Ohm, False)):
+        some = dataclasses.replace(signals(n=3), resistance_Ohm=np.full(3, resistance_Ohm))
+        first = {f.name: np.ravel(getattr(some, f.name))[0] for f in dataclasses.fields(some)}
+        one = dataclasses.replace(some, **first)
+        assert (Chain(config).step(one)[1].quality is not Quality.INVALID) is good
+        assert ((Chain(config).run(some).quality != Quality.INVALID) == good).all()
