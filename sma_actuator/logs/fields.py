@@ -45,7 +45,7 @@ def is_number(text: str) -> bool:
         float(text)
     except ValueError:
         return False
-    return True
+    return "_" not in text  # Python's own way to write numbers: 1_0 is ten to nobody else
 
 
 def decimal_mark(texts: Iterable[str], known: str = "") -> str:
@@ -81,6 +81,8 @@ def number(text: str, mark: str) -> float:
     """The number, NaN where it is missing.  ``mark``: before decimals.  Raises ValueError."""
     if is_missing(text):
         return math.nan
+    if "_" in text:
+        raise ValueError(f"'{text}' is not a number")
     other = "," if mark == "." else "."
     return float(text.strip().replace(other, "").replace(mark, "."))
 

@@ -493,7 +493,7 @@ class _ChunkParser:
                 self.moments[name] = first
 
     def _numbers(self, column: list[str], name: str, places: list[int]) -> np.ndarray:
-        if self._mark != ",":
+        if self._mark != "," and not any("_" in text for text in column):
             try:
                 return np.array(column, dtype=float)
             except ValueError:

@@ -114,10 +114,12 @@ def test_a_call_that_times_out_is_not_executed_later(make_driver):
     executed = []
     with pytest.raises(TimeoutError, match="an instrument holds it up"):
         driver.call(lambda actuator, now_s: executed.append(1), timeout_s=0.05)
+    with pytest.raises(TimeoutError, match="an instrument holds it up"):
+        driver.enable(True, timeout_s=0.05)
     daq.hang = False
     daq.release.set()
     driver.call(lambda actuator, now_s: None)
-    assert executed == []
+    assert executed == [] and driver.output_is_off
 
 
 @pytest.fixture

@@ -299,3 +299,13 @@ def test_times_that_begin_again_are_two_logs_and_the_line_is_that_of_the_file(tm
 )
 def test_a_mark_before_three_digits_may_be_of_thousands_and_others_tell(texts, mark):
     assert decimal_mark(texts) == mark
+
+
+def test_what_only_python_takes_for_a_number_is_none(tmp_path):
+    """1_0 was ten, also in the middle of a column."""
+    path = tmp_path / "a.csv"
+    path.write_text("time_s,R\n" + "".join(f"{k},5\n" for k in range(20)) + "20,1_0\n")
+    with pytest.raises(BenchLogError, match=r"line 22, column R: '1_0' is not a number"):
+        read_table(path)
+    path.write_text("time_s,R\n" + "".join(f"{k},1_0\n" for k in range(20)))
+    assert read_table(path).left_out == {"R": "1_0"}
