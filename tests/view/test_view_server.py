@@ -273,6 +273,67 @@ def test_whatever_ros_raises_at_a_question_the_page_is_answered():
     with_server(work)
 
 
+def test_a_page_that_comes_later_is_told_of_the_log_if_there_is_one():
+    desk = Desk(StillWire())
+    assert not any("log" in part for part in desk.whole_state())
+    desk.logs.said = {"name": "a.csv"}
+    assert {"log": {"name": "a.csv"}} in desk.whole_state()
+
+
+def test_the_node_is_looked_after_for_ever_and_whatever_it_owes():
+    wire, seen = StillWire(), []
+
+    async def watch():
+        seen.append(len(seen))
+        if len(seen) == 4:
+            raise asyncio.CancelledError
+        if len(seen) < 3:
+            raise (TimeoutError, Refused("not now"))[len(seen) - 1]
+
+    wire.watch = watch
+    with pytest.raises(asyncio.CancelledError):
+        asyncio.run(Desk(wire).watch())
+    assert seen == [0, 1, 2, 3]
+
+
+def test_who_looks_after_the_node_has_ended_when_the_server_has():
+    class Slow(StillWire):
+        async def watch(self):
+            try:
+                await asyncio.Event().wait()
+            finally:
+                await asyncio.sleep(0.05)
+                self.done.append("ended")
+
+    slow = Slow()
+
+    async def run():
+        server = ViewServer([Desk(slow)], HOST)
+        async with TestClient(TestServer(server.app, host=HOST)):
+            await asyncio.sleep(0)
+        return list(slow.done)
+
+    assert asyncio.run(run()) == ["ended"]
+
+
+def test_the_curves_are_those_of_the_latest_stress():
+    class Curves:
+        config = range_m = full_stroke_m = None
+
+        def at(self, stress_Pa):
+            return {"stress_Pa": stress_Pa}
+
+    wire = StillWire()
+    desk = Desk(wire)
+    desk._asymptotes, desk._shown = Curves(), (0, 0, [])
+    page = _Page()
+    desk.pages.add(page)
+    for stress_Pa in (1e6, 2e6, 3e6):
+        wire.rows.append([stress_Pa if name == "stress_Pa" else 0.0 for name in COLUMNS])
+    asyncio.run(desk.tick())
+    assert [strict(each)["curves"] for each in page.waiting if "curves" in each] == [{"stress_Pa": 3e6}]
+
+
 def test_what_a_page_does_not_take_displaces_the_oldest():
     async def work():
         page = _Page()
