@@ -90,21 +90,21 @@ class Way:
 
     def off(self, reply: Reply) -> None:
         """Switch it off; never waits."""
-        for way in (self, *self.joints):
-            way._drop()
+        dropped = [each for way in (self, *self.joints) for each in way._drop()]
         with self._lock:
             self._offs.append(reply)
             begins, self._offs_done = self._offs_done, False
         if begins:
             self._pool.submit(self._do_offs)
+        for each in dropped:  # last: DDS may take 0.1 s for each client that is gone, and off does not wait for that
+            each(False, OFF_MEANWHILE)
 
-    def _drop(self) -> None:
+    def _drop(self) -> list[Reply]:
         with self._lock:
             self._offs_come += 1
             self._held, self._asked_s = True, time.monotonic()
             dropped, self._ons = self._ons, []
-        for each in dropped:
-            each(False, OFF_MEANWHILE)
+        return dropped
 
     def on(self, reply: Reply) -> None:
         """Switch it on, if nothing speaks against it; never waits."""
