@@ -334,6 +334,68 @@ def test_the_curves_are_those_of_the_latest_stress():
     assert [strict(each)["curves"] for each in page.waiting if "curves" in each] == [{"stress_Pa": 3e6}]
 
 
+def test_the_page_and_its_files_are_served():
+    async def work(client, server, wire):
+        for address, kind in (("/", "text/html"), ("/view.js", "text/javascript"), ("/view.css", "text/css")):
+            async with client.get(address) as response:
+                assert (response.status, response.content_type) == (200, kind)
+                assert await response.text()
+
+    with_server(work)
+
+
+def test_a_report_is_served_at_its_address_and_nowhere_else(tmp_path):
+    async def work(client, server, wire):
+        (tmp_path / "report.html").write_text("traced")
+        server._desks[wire.node].logs.reports["/report/abc"] = tmp_path / "report.html"
+        async with client.get("/report/abc") as response:
+            assert (response.status, await response.text()) == (200, "traced")
+        async with client.get("/report/abd") as response:
+            assert response.status == 404
+
+    with_server(work)
+
+
+def test_a_page_that_is_closed_is_told_nothing_more_and_what_it_asked_ends():
+    async def until(condition):
+        async with asyncio.timeout(20.0):
+            while not condition():
+                await asyncio.sleep(0.005)
+
+    async def work(client, server, wire, held):
+        pages, address = server._desks[held.node].pages, f"/live?node={held.node}"
+        first, second = [await client.ws_connect(address, headers=headers_of(client, server)) for _ in range(2)]
+        await first.send_json({"id": 1, "do": "setpoint", "position_m": 0.002})
+        await until(lambda: any(page.asked for page in pages))
+        asked_of_it = [task for page in pages for task in page.asked]
+        await first.close()
+        await until(lambda: len(pages) == 1)
+        await until(lambda: all(task.done() for task in asked_of_it))
+        assert ("listen", False) not in held.done  # the other page listens still
+        await second.close()
+        await until(lambda: ("listen", False) in held.done)
+        assert not pages
+
+    held = Held()
+    held.node = "/held"
+    with_server(work, others=[held])
+
+
+def test_new_parameters_are_told_to_pages_that_are_open():
+    wire = StillWire()
+    wire.parameters_version = 1
+    desk = Desk(wire)
+    page = _Page()
+    desk.pages.add(page)
+    asyncio.run(desk.tick())  # the first of all is as new
+    told_before = sum("parameters" in each for each in map(strict, page.waiting))
+    asyncio.run(desk.tick())
+    assert sum("parameters" in each for each in map(strict, page.waiting)) == told_before == 1
+    wire.parameters_version += 1
+    asyncio.run(desk.tick())
+    assert sum("parameters" in each for each in map(strict, page.waiting)) == 2
+
+
 def test_what_a_page_does_not_take_displaces_the_oldest():
     async def work():
         page = _Page()
@@ -427,6 +489,19 @@ def test_a_log_that_comes_while_another_is_dropped_gives_way_in_words(monkeypatc
         await desk.give_up()
 
     asyncio.run(work())
+
+
+def test_a_log_that_is_dropped_is_taken(monkeypatch):
+    async def take(self, name, chunks, config):
+        assert (name, [chunk async for chunk in chunks]) == ("a.csv", [b"x"])
+
+    async def work(client, server, wire):
+        headers = headers_of(client, server)
+        async with client.post("/log", params={"name": "a.csv"}, data=b"x", headers=headers) as response:
+            assert (response.status, await response.text()) == (202, "taken")
+
+    monkeypatch.setattr(logs.LogDesk, "take", take)
+    with_server(work)
 
 
 def test_a_log_that_the_disk_does_not_take_is_answered_in_words(monkeypatch):
