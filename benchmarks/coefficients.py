@@ -70,6 +70,8 @@ def characterised(name: str, parameters: dict, seed: int) -> list[str]:
         str(folder),
         "--skip",
         "fatigue",
+        "--skip",
+        "levels",
         "--seed",
         str(seed),
     )

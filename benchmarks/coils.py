@@ -1,6 +1,6 @@
 """A coil or a bundle driven by the model that `identify` found: what is asked for, what came of it, in virtual time.
 
-    sma-actuator characterise --virtual coil --levels 6 --training-cycles 2 --skip fatigue --skip load_cell --skip lvdt
+    sma-actuator characterise --virtual coil --training-cycles 2 --skip fatigue --skip load_cell --skip lvdt
     --out out/coil sma-actuator identify out/coil/{pulses,partial,levels}_*.csv --model whole_range --config
     out/coil/bench.yaml --out out/coil.yaml python benchmarks/coils.py out/coil.yaml --wire coil
 

@@ -109,9 +109,10 @@ def _of_the_plan(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--levels",
         type=number_within(2, 20, int),
-        default=0,
+        default=6,
         metavar="N",
-        help="also N currents held one after the other at each load, for `--model whole_range`; 6 is a good number",
+        help="N currents held one after the other at each load, which `whole_range` learns positions that are held "
+        "from (default %(default)s; --skip levels: none)",
     )
     group.add_argument(
         "--follow",
