@@ -43,7 +43,7 @@ def bench(tmp_path_factory):
 
 def words(bench, out, *more):
     short = ["--loads", "0.6", "--pulses", "1", "--heat-time", "0.3", "--cool-time", "0.3", "--average", "0.2"]
-    skipped = [word for kind in ("partial", "training", "fatigue", "lvdt") for word in ("--skip", kind)]
+    skipped = [word for kind in ("partial", "training", "fatigue", "lvdt", "levels") for word in ("--skip", kind)]
     program = [sys.executable, "-m", "sma_actuator", "characterise", "--config", str(bench[0]), "--out", str(out)]
     return [*program, *short, "--masses", "20,100,200", *skipped, *more]
 
