@@ -150,7 +150,7 @@ def test_an_effect_with_which_the_model_is_worse_than_without_is_none(wire, conf
 def test_a_name_needs_its_signature_however_well_it_fits(wire, config):
     """A lead moves R at rest, cold and hot, and not δ; a slip does the opposite, so it is not the name, whatever it
     mends."""
-    evidence = Evidence(session(wire[0], {"lead_resistance": 0.03}), config)
+    evidence = Evidence(session(wire[0], {"lead_resistance": 0.06}), config)
     right, wrong = beside(evidence, "lead_resistance", "slip")
     cold = "resistance at cold rest"
     assert right.witnesses["before"][cold] > 4.0 > 2.0 > right.witnesses["after"][cold]
@@ -221,7 +221,8 @@ def test_the_power_to_transform_tells_it_from_surroundings_of_another_temperatur
         for log in logs
     ]
     found, wrong = beside(Evidence(unlogged, config), "ambient_temperature", "heat_loss")
-    assert found.fit.values["ambient_temperature"]["difference"] == pytest.approx(warmer_K, abs=3.0)
+    low_K, high_K = found.fit.intervals["ambient_temperature"]["difference"]
+    assert low_K < warmer_K < high_K and low_K * high_K > 0.0, "it is not nothing"
     assert wrong.nats < 0.0 and wrong.by_witness["power in the transformation"] < -1.0
 
 
@@ -739,7 +740,7 @@ def test_what_has_only_nearly_the_form_of_an_effect_is_something_else_that_looks
 @pytest.mark.parametrize(
     ("hidden", "truth"),
     [
-        ({"reference_self_heating": 0.1}, {"coefficient": 0.1, "time_constant": 25.0}),
+        ({"reference_self_heating": 0.15}, {"coefficient": 0.15, "time_constant": 25.0}),
         ({"channel_delay": 0.4}, {"delay": 0.4}),
         *(
             pytest.param(hidden, truth, marks=pytest.mark.long)
