@@ -51,8 +51,8 @@ class Slowest:
 
 
 class Deadlines:
-    """One at every whole period of the clock; those that pass while a step is busy are skipped, not caught up with: old
-    readings help nobody.
+    """The first is now, the others at whole periods of the clock; those that pass while a step is busy are skipped, not
+    caught up with: old readings help nobody.
 
     So the loops of a process that have one rate step together: what one of them has had the processor load, the next
     finds at hand.
@@ -63,16 +63,18 @@ class Deadlines:
         self.last_step_s = math.nan  #: when the last step began
         self.steps = 0
         self.overruns = 0
-        self._start_s = math.nan  #: time of deadline 0
+        self._first_s = math.nan  #: time of deadline 0
+        self._start_s = math.nan  #: the whole period next to it, from which the others are counted
         self._number = 0  #: of the next deadline
         self._periods_s = np.full(_WINDOW, np.nan)
         self._busy_s = np.full(_WINDOW, np.nan)
 
     def next_s(self, now_s: Callable[[], float]) -> float:
-        """The next; the first one within a period from now."""
-        if math.isnan(self._start_s):
-            self._start_s = math.ceil(now_s() / self.period_s) * self.period_s
-        return self._start_s + self._number * self.period_s
+        """The next; the first one is now, since nothing can be enabled before a reading."""
+        if math.isnan(self._first_s):
+            self._first_s = now_s()
+            self._start_s = round(self._first_s / self.period_s) * self.period_s
+        return self._start_s + self._number * self.period_s if self._number else self._first_s
 
     def begun(self, now_s: float) -> None:
         """A step begins."""

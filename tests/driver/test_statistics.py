@@ -37,7 +37,8 @@ def test_the_first_deadline_is_now_and_the_others_follow_a_period_apart():
 
 
 def test_loops_that_begin_at_different_times_step_together():
-    begun = [Loop(1000.0 + part * PERIOD_s) for part in (0.1, 0.5, 1.0)]
+    begun = [Loop(1000.0 + part * PERIOD_s) for part in (0.1, 0.3, 0.45)]
+    assert [loop.step() for loop in begun] == [1000.0 + part * PERIOD_s for part in (0.1, 0.3, 0.45)], "none waits"
     for number in range(1, 4):
         assert {loop.step() for loop in begun} == {1000.0 + number * PERIOD_s}
 
