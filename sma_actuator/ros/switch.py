@@ -34,8 +34,10 @@ from .guard import spin
 #: Once switched off, a wire goes on again only where nobody has asked for anything for so long: who asks faster does
 #: not know of the off yet, and a person does not.
 QUIET_s = 0.5
-#: Requests of one service that DDS keeps until they are taken: some seconds of the fastest client that was tried.
-REQUESTS_KEPT = 2000
+#: Requests of one service that DDS keeps until they are taken: four seconds of a client that asks a hundred times a
+#: second.  With 2000 what killed clients had sent in part filled what DDS has room for (by default 400 of a reader's
+#: samples), and nobody else was heard until it held them for gone, twenty seconds later.
+REQUESTS_KEPT = 400
 _AT_ONCE = 100  #: requests of one service that are taken before the others have their turn
 _MOST_WAITING = 100  #: requests that wait for the same "on"; more are refused
 
