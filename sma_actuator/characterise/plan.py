@@ -35,9 +35,9 @@ MASSES_OVER, LEAST_MASSES = 30.0, 3
 HOT_ENOUGH_C = 160.0
 
 #: A pulse takes a wire through the middle half of its stroke in some 0.4 of its time constant, heat_capacity /
-#: heat_loss.  Where that is fewer than four readings each pulse begins with a ramp of so many, of which a wire's
-#: middle half was a tenth; identify wants five of each pulse, since a guard that lets the wire cool for a moment parts
-#: it from the others.
+#: heat_loss.  Where that is fewer than four readings each pulse begins with a ramp of so many: 0.7 K a reading where
+#: 135 K are ramped, and a middle half takes 4 K; identify wants five readings of each pulse, since a guard that lets
+#: the wire cool for a moment parts it from the others.
 QUICK_READINGS, RAMP_READINGS = 10.0, 240.0
 UNGUARDED = 0.9  #: of the rise that the heat limit aims at, for its headroom and a resistance that is not the usual
 

@@ -1,8 +1,7 @@
 """The cycles of a log and which of them are full: one judgement, for ``identify`` as for ``check-log``.
 
 A cycle begins when the current is switched on, which is when it leaves the low end of its range and then passes the
-middle.  It is full where the
-wire rests at both ends of it and no cycle of that load goes further.
+middle.  It is full where the wire rests at both ends of it and no cycle of that load goes further.
 """
 
 from __future__ import annotations
@@ -53,10 +52,11 @@ def is_driven(current: np.ndarray) -> np.ndarray:
     least, most = np.nanmin(current), np.nanmax(current)
     driven = current > 0.5 * (least + most)
     low = current <= least + _LOW_END * (most - least)
-    for begins in np.flatnonzero(driven[1:] & ~driven[:-1]) + 1:
-        before = np.flatnonzero(low[:begins] | driven[:begins])
-        if len(before) and low[before[-1]]:
-            driven[before[-1] + 1 : begins] = True
+    samples = np.arange(len(current))
+    last_low, last_driven = (np.maximum.accumulate(np.where(one, samples, -1)) for one in (low, driven))
+    before = np.flatnonzero(driven[1:] & ~driven[:-1])
+    for last in before[last_low[before] > last_driven[before]]:
+        driven[last_low[last] + 1 : last + 1] = True
     return driven
 
 
