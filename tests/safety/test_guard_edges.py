@@ -469,10 +469,11 @@ class TestHeatLossWrong:
         hot_end = {"cooling_position": self.POSITION_m, "cooling_stress": [54e6], "cooling_rise": [self.RISE_K]}
         config = Config.from_mapping(make_config(calibration={"hot_end": hot_end}))
 
-        def look(memory, later_s=0.0, rise_K=10.0, position_m=0.5e-3, **changes):
+        def look(memory, later_s=0.0, rise_K=10.0, position_m=0.5e-3, half_m=NAN, warmer_K=0.0, **changes):
             heat = WireHeat(config.thermal)
-            heat.step(rise_K * config.thermal.heat_loss, 1e6, config.thermal.ambient_temperature, config.thermal)
-            estimate = replace(ESTIMATE, displacement_m=position_m)
+            heat.ambient.temperature_C += warmer_K
+            heat.step(rise_K * config.thermal.heat_loss, 1e6, heat.ambient.temperature_C, config.thermal)
+            estimate = replace(ESTIMATE, displacement_m=position_m, uncertainty_m=half_m)
             now = {"config": config, "heat": heat, "estimate": estimate, "memory": memory, "now_s": NOW_s + later_s}
             return said(heat_loss_wrong, step(**{**now, **changes}))
 
@@ -497,6 +498,13 @@ class TestHeatLossWrong:
             ({"position_m": math.nextafter(POSITION_m, 0.0)}, True),
             ({"position_m": POSITION_m}, False),
             ({"position_m": NAN}, False),
+            ({"half_m": 0.499e-3}, True),
+            ({"half_m": 0.5e-3}, False),
+            ({"warmer_K": 40.0, "rise_K": 9.9}, True),
+            ({"warmer_K": 40.0, "rise_K": 10.1}, False),
+            ({"warmer_K": RISE_K, "rise_K": 0.0}, False),
+            ({"warmer_K": -4.0, "rise_K": 31.9}, True),
+            ({"warmer_K": -4.0, "rise_K": 32.1}, False),
             ({"settled": False}, False),
             ({"estimate": replace(ESTIMATE, displacement_m=0.5e-3, quality=Quality.INDETERMINATE_HOT)}, True),
             ({"estimate": replace(ESTIMATE, displacement_m=0.5e-3, quality=Quality.OUTSIDE_CALIBRATION)}, False),
@@ -505,6 +513,18 @@ class TestHeatLossWrong:
     def test_looks_at_a_wire_whose_place_is_known_and_that_should_be_cold(self, changes, is_one, look):
         memory = Memory(**MEMORY)
         look(memory, **changes)
+        assert bool(memory.since_s) is is_one
+
+    @pytest.mark.parametrize(("rise_K", "is_one"), [(39.9, True), (40.1, False)])
+    def test_counts_from_the_surroundings_of_the_calibration_where_it_says_them(
+        self, rise_K, is_one, look, config, make_config
+    ):
+        """20 K warmer than now."""
+        then_C = config.thermal.ambient_temperature + 20.0
+        hot_end = {"cooling_position": self.POSITION_m, "cooling_stress": [54e6], "cooling_rise": [self.RISE_K]}
+        warm = make_config(calibration={"ambient_temperature": then_C, "hot_end": hot_end})
+        memory = Memory(**MEMORY)
+        look(memory, rise_K=rise_K, config=Config.from_mapping(warm))
         assert bool(memory.since_s) is is_one
 
     def test_is_not_looked_for_where_the_calibration_does_not_say_what_a_cooling_wire_shows(self, step):

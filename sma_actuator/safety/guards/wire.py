@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from math import isnan
+
 from sma_actuator.base.signals import Quality
 from sma_actuator.safety.formula import longest, parameter_value
 from sma_actuator.safety.records import Action, Step, guard
-from sma_actuator.safety.thermal import AMBIENT_FALL_K_s
+from sma_actuator.safety.thermal import AMBIENT_FALL_K_s, returns_at_C
 from sma_actuator.safety.timing import ONE_STEP, RATE, SETTLING_READINGS, THREE_STEPS, TWO_STEPS, SETTLING_TIME_s
 
 #: Share of supply.max_voltage that counts as being at the compliance voltage.
 COMPLIANCE = 0.95
 #: Time constants of the wire that it must have been contracted for although the balance calls it cold.
 COOLING_TIMES = 1.5
-#: Share of the calibration's rise above ambient below which a wire that is still contracted is hotter than the balance
-#: says.
+#: Share of the rise above the surroundings at which the cooling wire has come back, below which one that is still
+#: contracted is hotter than the balance says.
 LEAST_RISE = 0.5
 
 
@@ -122,10 +124,11 @@ def too_hot(step: Step) -> str:
 @guard(
     words="the heat loss is not that of the parameters",
     remedy="Let air to the wire, or correct thermal.heat_loss and ambient_temperature",
-    detector=f"the heat balance says that the wire has cooled, and it stays contracted for {COOLING_TIMES:g} of its "
-    f"time "
-    "constants, heat_capacity / heat_loss, or longer: it is enclosed, or the surroundings are warmer than believed "
-    "(what a cooling wire shows is in the calibration; without one: never)",
+    detector=f"the heat balance says that the wire is above its surroundings by less than {LEAST_RISE:g} of what is "
+    "left from there to the temperature at which it came back when it was calibrated, and it stays contracted, by more "
+    f"than half of the estimate's 95 % interval, for {COOLING_TIMES:g} of its time constants, heat_capacity / "
+    "heat_loss, or longer: it is enclosed, or the surroundings are warmer than believed (without a calibration, or in "
+    "surroundings in which it does not come back: never)",
     within=COOLING_TIMES * parameter_value("thermal.heat_capacity") / parameter_value("thermal.heat_loss") + TWO_STEPS,
     action=Action.OFF,
     latches=True,
@@ -133,21 +136,24 @@ def too_hot(step: Step) -> str:
 def heat_loss_wrong(step: Step) -> str:
     """The cooling wire stays contracted for longer than the heat balance allows: it loses less heat than
     ``thermal.heat_loss`` says."""
-    calibration, thermal, heat = step.config.calibration, step.config.thermal, step.heat
+    calibration, thermal, heat, estimate = step.config.calibration, step.config.thermal, step.heat, step.estimate
+    half_m = 0.0 if isnan(estimate.uncertainty_m) else estimate.uncertainty_m
     contracted = (
         step.settled
-        and step.estimate.quality <= Quality.INDETERMINATE_HOT
-        and step.estimate.displacement_m < calibration.hot_end.cooling_position
+        and estimate.quality <= Quality.INDETERMINATE_HOT
+        and estimate.displacement_m + half_m < calibration.hot_end.cooling_position
     )
-    rise_K = heat.temperature_C - heat.ambient.temperature_C
-    still_hot = contracted and rise_K < LEAST_RISE * calibration.hot_end.cooling_rise_K(step.signals.stress_Pa)
+    # A wire transforms at a temperature, not at a rise: in a warm room it may stay contracted by itself.
+    ambient_C = heat.ambient.temperature_C
+    returns_K = returns_at_C(calibration, thermal, step.signals.stress_Pa) - ambient_C
+    still_hot = contracted and heat.temperature_C - ambient_C < LEAST_RISE * returns_K
     lasts_s = step.memory.lasts_s("heat_loss_wrong", still_hot, step.now_s)
     if not lasts_s >= COOLING_TIMES * thermal.heat_capacity / thermal.heat_loss:
         return ""
     return (
-        f"for {lasts_s:.3g} s the wire is contracted to {step.estimate.displacement_m * 1e3:.3g} mm and the balance "
+        f"for {lasts_s:.3g} s the wire is contracted to {estimate.displacement_m * 1e3:.3g} mm and the balance "
         f"says {heat.temperature_C:.0f} °C; it cools more slowly than thermal.heat_loss, {thermal.heat_loss:g} W/K, "
-        f"has it, or the surroundings are warmer than {heat.ambient.temperature_C:.0f} °C"
+        f"has it, or the surroundings are warmer than {ambient_C:.0f} °C"
     )
 
 
