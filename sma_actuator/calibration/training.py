@@ -1,7 +1,8 @@
 """Whether the wire changed while it was measured: what is fitted then is of a wire that is no more.
 
 A wire in its first tens of cycles moves its hot end cycle by cycle.  Logs need not say when they were recorded, but
-within a log of pulses that are all alike one comes after the other, and each ought to do what the one before did.
+within a log of pulses one comes after the other, and each ought to do what the one before did, if it is like that: the
+first is longer where `characterise` looks for the current that a wire wants.
 """
 
 from __future__ import annotations
@@ -18,13 +19,13 @@ from sma_actuator.logs.kinds import PARTIAL, load_numbers, logs_to_fit
 #: Share of the full stroke that the hot end may move with a cycle, outwards, as training does, and inwards, as a wire
 #: does also that grows warmer from pulse to pulse; ten logs hold some sixty cycles.
 STANDS_OUTWARDS, STANDS_INWARDS = 0.0003, 0.0006
-FEWEST_LOGS, FEWEST_PULSES = 3, 3
+FEWEST_LOGS = 3
 #: Of what a wire's hot end moved while it was calibrated: how much longer such a wire is since then than what was
 #: fitted, which is the mean of the calibration: between nothing, where most came with the first cycles, and half, where
 #: it came evenly; and how far off that is in the mean.
 SINCE_THEN, SINCE_THEN_WITHIN = 0.25, 0.125
 _AGREE = 0.8  #: share of the logs in which it moves the same way
-_ALIKE = 0.1  #: share by which the times may differ that pulses are heated for
+_ALIKE = 0.1  #: share by which the times may differ that two pulses are heated for
 _HOT_PART = 0.25  #: of the time driven, at its end
 
 
@@ -60,17 +61,20 @@ def change_while_measured_m(logs: Sequence[BenchLog], config) -> float:
 
 
 def _moved_m(experiment: Experiment) -> list[float]:
-    """How far the hot end of a log of pulses moves with each; nothing where they are not alike, as partial cycles."""
+    """How far the hot end of a log moves with a pulse that is like the one before; nothing where none is, and of
+    partial cycles."""
     if experiment.kind == PARTIAL:  # a quick wire goes any way between two readings, so their times tell nothing
         return []
     bounds = np.searchsorted(experiment.cycle, np.arange(1, experiment.cycle[-1] + 2))
-    ends_m, heated = [], []
+    pulses: list[tuple[int, float]] = []  # how long it was driven, and where its hot end was
     for start, stop in itertools.pairwise(bounds):
         driven_m = experiment.displacement_m[start:stop][experiment.driven[start:stop]]
         if not len(driven_m):
             return []
-        heated.append(len(driven_m))
-        ends_m.append(float(np.median(driven_m[-max(3, round(_HOT_PART * len(driven_m))) :])))
-    if len(ends_m) < FEWEST_PULSES or np.ptp(heated) > _ALIKE * np.mean(heated) + 1.0:
-        return []
-    return [(ends_m[-1] - ends_m[0]) / (len(ends_m) - 1)]
+        pulses.append((len(driven_m), float(np.median(driven_m[-max(3, round(_HOT_PART * len(driven_m))) :]))))
+    moved_m = [
+        end_m - before_m
+        for (long, before_m), (heated, end_m) in itertools.pairwise(pulses)
+        if abs(heated - long) <= _ALIKE * 0.5 * (heated + long) + 1.0
+    ]
+    return [float(np.mean(moved_m))] if moved_m else []
