@@ -21,7 +21,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from replay_tables import TRAINED
 
 from sma_actuator.base.share import shared_file
 from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock
@@ -42,9 +41,10 @@ WIRES = ("flexinol", "furukawa")
 MODELS = ("thesis", "first_round", "whole_range")
 #: What a user knows of wire and bench without having measured.
 FACTS = ("wire", "circuit", "load_cell", "reference_sensor", "instruments")
-#: Load cell and LVDT are calibrated already, and the wire is trained before (:data:`TRAINED` cycles).
-SKIPPED = ("lead_resistance", "load_cell", "lvdt", "training", "fatigue")
-CHARACTERISED = PlanOptions(levels=6, skip=SKIPPED)
+#: Load cell and LVDT are calibrated already; the wire is new, and trained as long as `characterise` finds it wanted.
+CALIBRATED = ("lead_resistance", "load_cell", "lvdt", "fatigue")
+SKIPPED = (*CALIBRATED, "training")
+CHARACTERISED = PlanOptions(levels=6, skip=CALIBRATED)
 #: A load between those that are characterised, for logs that no fit has seen.
 UNSEEN_Pa = 54e6
 #: The rooms that the logs depend on, those that the models do beside, and beside these the logs of the second round.
@@ -93,12 +93,12 @@ def logs_of(wire: str, physics: str) -> list[Path]:
     folder = folder_of(wire, physics)
     if not (folder / "complete").is_file():
         bench_path = _init(facts_of(wire, folder), folder / "bench.yaml")
-        cycles = _characterised(wire, physics, bench_path, CHARACTERISED, 1, folder / "logs", TRAINED)
+        cycles = _characterised(wire, physics, bench_path, CHARACTERISED, 1, folder / "logs", 0.0)
         area_m2 = bench_from_mapping(read_parameter_file(bench_path)).wire.area_m2
         unseen = PlanOptions(loads_N=(round(UNSEEN_Pa * area_m2, 3),), pulses=2, set_points=4, skip=SKIPPED)
         cycles = _characterised(wire, physics, bench_path, unseen, 2, folder / "unseen", cycles)
         (folder / "complete").write_text(f"{cycles:g}\n", encoding="utf-8")
-    return sorted((folder / "logs").glob("*.csv"))
+    return sorted(path for path in (folder / "logs").glob("*.csv") if not path.name.startswith("training"))
 
 
 def _characterised(

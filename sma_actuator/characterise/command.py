@@ -125,8 +125,9 @@ def _of_the_plan(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--training-cycles",
         type=number_within(0, kind=int),
-        default=40,
-        help="cycles of a new wire before anything is measured (default %(default)s)",
+        default=PlanOptions().training_cycles,
+        help="cycles of a new wire before anything is measured: until its ends stand, at most so many "
+        "(default %(default)s)",
     )
     group.add_argument(
         "--fatigue-cycles", type=number_within(0, kind=int), default=100, help="cycles at the end (default %(default)s)"
@@ -196,7 +197,7 @@ def run(args: argparse.Namespace) -> int:
                 look_first(unknown, rig.supply, rig.daq, rig.clock, shown.console)
 
     with shown.bar:
-        manifest = characterise(mapping, plan, rig, operator, args.out, shown.progress, first)
+        manifest = characterise(mapping, plan, rig, operator, args.out, shown.progress, first, shown.console.print)
     write_page(args.out, manifest)
     write_json(args, manifest.data)
     results(args).print(

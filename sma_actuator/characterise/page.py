@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from sma_actuator.report import Page, figure
 
@@ -39,6 +41,8 @@ def write_page(folder: Path, manifest: Manifest) -> None:
             f"{title}: points, fitted line and residuals; slope {line['slope']:.6g} {y_unit}/{x_unit}, offset "
             f"{line['offset']:.6g} {y_unit}, correlation {line['correlation']:.7f}.",
         )
+    if "training" in parts:
+        _training(page, parts["training"]["results"])
     page.heading("Parts")
     rows = [
         (n, p["kind"], ", ".join(f"{k} {v:.5g}" for k, v in p["results"].items() if isinstance(v, float)))
@@ -46,6 +50,17 @@ def write_page(folder: Path, manifest: Manifest) -> None:
     ]
     page.table(("part", "kind", "result"), rows)
     page.write(Path(folder) / "calibration.html")
+
+
+def _training(page: Page, results: Mapping[str, Any]) -> None:
+    """The ends of the wire in its first cycles, each from where it was first."""
+    drawing, axes = figure(1)
+    for name, ends_m in (("hot", results["hot_m"]), ("cold", results["cold_m"])):
+        axes[0, 0].plot([1e3 * (end_m - ends_m[0]) for end_m in ends_m], ".-", label=f"{name} end")
+    axes[0, 0].set(xlabel="cycle", ylabel="moved [mm]")
+    axes[0, 0].legend()
+    left = f"; at most {1e3 * results['left_m']:.3g} mm are left" if "left_m" in results else ""
+    page.figure(drawing, f"Training: where the ends of the wire went, cycle by cycle{left}.")
 
 
 def _correlations(parts) -> str:

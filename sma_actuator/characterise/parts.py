@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from .operators import Operator
 from .plan import OUTERMOST, Part
 from .programs import Program, held_currents, hold, partial_cycles, square_pulses
 from .rig import Rig
+from .training import Ends
 
 Progress = Callable[[float], None]
 #: What a load cell that is not calibrated yet may seem to show; no more than the bias flows meanwhile.
@@ -31,11 +33,12 @@ PATIENCE = 4.0  #: a pulse and the pause after it are at most so many times as l
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What a part gave: logs by name, results for the manifest, parameters it determined (dotted)."""
+    """What a part gave: logs by name, results for the manifest, parameters it determined (dotted), and what to say."""
 
     logs: dict[str, BenchLog]
     results: dict[str, Any] = field(default_factory=dict)
     calibration: dict[str, float] = field(default_factory=dict)
+    words: str = ""
 
 
 def lead_resistance(
@@ -94,8 +97,31 @@ def lvdt(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLog],
     )
 
 
+def training(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLog], progress: Progress) -> Outcome:
+    """Pulses at the heaviest load until the ends of the wire stand (4.1.4), or as many as were asked for.
+
+    One that was interrupted begins anew, on a wire that is as much nearer to its end.
+    """
+    _apply_load(part, operator)
+    p, ends = part.parameters, Ends(rig.config.wire.full_stroke_m)
+    program = programs.trained(
+        ends.stand,
+        p["cycles"],
+        p["heat_current_A"],
+        rig.config.supply.bias_current,
+        p["heat_s"],
+        p["cool_s"],
+        p["most_current_A"],
+    )
+    log = _record(rig, part, program, progress)
+    results: dict[str, Any] = {"hot_m": ends.hot_m, "cold_m": ends.cold_m}
+    if isfinite(ends.furthest_m):
+        results["left_m"] = ends.furthest_m
+    return Outcome({part.name: log}, results, words=ends.words)
+
+
 def pulses(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLog], progress: Progress) -> Outcome:
-    """Open-loop square pulses at one load (4.1.1); also the training and fatigue cycles (4.1.4).
+    """Open-loop square pulses at one load (4.1.1); also the fatigue cycles (4.1.4).
 
     The few that a model is fitted on wait until the wire is at rest, in the heat and in the cold: near room temperature
     many cool with a long tail.  They are heated further than planned where the wire still contracts; ``heat_current_A``
@@ -210,7 +236,7 @@ RUN: dict[str, Callable[[Part, Rig, Operator, Mapping[str, BenchLog], Progress],
     "lead_resistance": lead_resistance,
     "load_cell": load_cell,
     "lvdt": lvdt,
-    "training": pulses,
+    "training": training,
     "pulses": pulses,
     "partial": partial,
     "levels": levels,

@@ -7,9 +7,10 @@ measured while it was in force.  It knows nothing of instruments, so it runs on 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from math import isnan, nan
+from statistics import fmean
 from typing import Protocol
 
 from sma_actuator.base.signals import Signals
@@ -127,6 +128,41 @@ def square_pulses(
         else:
             yield from rest(heat_current_A, heat_s, longest_heat_s, cold_m)
         yield from rest(bias_current_A, cool_s, longest_cool_s)
+
+
+def trained(
+    stand: Callable[[float, float], bool],
+    cycles: int,
+    heat_current_A: float,
+    bias_current_A: float,
+    heat_s: float,
+    cool_s: float,
+    most_A: float,
+) -> Program:
+    """Square pulses until ``stand`` says of the hot and the cold end [m] of a cycle that they do, or so many.
+
+    Each contracts the wire as far as those that are measured afterwards.  The first is not looked at: before it the
+    wire was loaded, and not as warm.
+    """
+    yield from hold(bias_current_A, 1.0)
+    heat_current_A = yield from contracted(heat_current_A, heat_s, most_A)
+    yield from hold(bias_current_A, cool_s)
+    for _ in range(cycles - 1):
+        hot_m = yield from _end_of(heat_current_A, heat_s)
+        cold_m = yield from _end_of(bias_current_A, cool_s)
+        if stand(hot_m, cold_m):
+            return
+
+
+def _end_of(current_A: float, duration_s: float) -> Generator[Drive, Signals, float]:
+    """A constant current for some time; where the wire is in the last part of it, in the mean [m]."""
+    yield from hold(current_A, (1.0 - STILL_PART) * duration_s)
+    signals = yield Drive(current_A)
+    end_s, shown_m = signals.time_s + STILL_PART * duration_s, [signals.reference_displacement_m]
+    while signals.time_s < end_s:
+        signals = yield Drive(current_A)
+        shown_m.append(signals.reference_displacement_m)
+    return fmean(shown_m)
 
 
 def partial_cycles(

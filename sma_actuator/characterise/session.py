@@ -27,10 +27,12 @@ def characterise(
     folder: Path,
     progress: Callable[[Part, float], None] = lambda part, elapsed_s: None,
     first: Callable[[], None] = lambda: None,
+    say: Callable[[str], None] = lambda words: None,
 ) -> Manifest:
     """Measure every part of ``plan`` that ``folder`` does not hold yet.
 
-    ``first`` is called before the instruments are opened, where anything is left to measure.
+    ``first`` is called before the instruments are opened, where anything is left to measure; ``say`` with what a part
+    found that a person should know.
     Writes ``NAME.csv`` with its metadata for every log, ``manifest.json`` after every part, and
     ``bench.yaml``: ``mapping`` (the bench's parameters) with the calibrations that were measured.
     Raises ConfigError, InstrumentError or BenchLogError; what was finished stays, and the current is off.
@@ -57,6 +59,8 @@ def characterise(
             manifest.finish(part, list(outcome.logs), outcome.results, outcome.calibration)
             _use_calibration(mapping, manifest, rig, folder)
             progress(part, part.duration_s)
+            if outcome.words:
+                say(outcome.words)
     return manifest
 
 

@@ -21,16 +21,18 @@ from sma_actuator.bench import VirtualBench
 from sma_actuator.bench.server import background
 from sma_actuator.characterise import PlanOptions, characterise, make_plan
 from sma_actuator.characterise.calibration import fit_line
+from sma_actuator.characterise.page import write_page
 from sma_actuator.characterise.parts import RUN
 from sma_actuator.characterise.plan import typical_resistance_Ohm
-from sma_actuator.characterise.programs import every_ordered_pair, held_currents, hold, square_pulses
+from sma_actuator.characterise.programs import every_ordered_pair, held_currents, hold, square_pulses, trained
+from sma_actuator.characterise.training import ENOUGH, FEWEST, Ends, left_to_go
 from sma_actuator.cli.main import main
 from sma_actuator.config import bench_from_mapping
 from sma_actuator.derived import with_derived
 from sma_actuator.instruments import InstrumentLost, InstrumentRefused
 from sma_actuator.logs.bench_log import read_bench_log
 from sma_actuator.logs.cycles import IN_MOTION, cycle_numbers, cycles_of, is_driven
-from sma_actuator.plant.worlds import HOME, WORLDS
+from sma_actuator.plant.worlds import HOME, IN_TRAINING, WORLDS
 
 
 @pytest.mark.parametrize("n", [2, 3, 5, 8])
@@ -124,6 +126,76 @@ def test_the_parts_after_the_pulses_use_what_contracted_the_wire_in_them():
         held = RUN["levels"](levels, rig, operator, {pulses.name: log}, lambda _: None).results["currents_A"]
     planned_A = pulses.parameters["heat_current_A"]
     assert planned_A < log.metadata["heat_current_A"] == held[-1] <= pulses.parameters["most_current_A"]
+
+
+STROKE_m, NOISE_m = 4e-3, 4e-7
+
+
+def cycles_of_training(shortened_m, most=200, noise_m=NOISE_m):
+    """Ends, and how many pulses were driven, of a wire that is so much shorter before each cycle (0, 1, …) when hot,
+    and by two fifths of it when cold."""
+    rng, ends = np.random.default_rng(1), Ends(STROKE_m)
+    program = trained(ends.stand, most, 0.3, 0.05, heat_s=6.0, cool_s=12.0, most_A=0.3)
+    drive, time_s, pulses, heated = next(program), 0.0, 0, False
+    with contextlib.suppress(StopIteration):
+        while True:
+            time_s += 0.5
+            pulses, heated = pulses + (drive.current_A > 0.1 and not heated), drive.current_A > 0.1
+            share, at_m = (1.0, 0.0) if heated else (0.4, STROKE_m)
+            at_m += rng.normal(0.0, noise_m) - share * shortened_m(pulses)
+            drive = program.send(SimpleNamespace(time_s=time_s, reference_displacement_m=at_m))
+    return ends, pulses
+
+
+def training_m(cycles):
+    """As in the measured wire: a fifth of the stroke, gone as exp(-N/25)."""
+    return 0.2 * STROKE_m * math.exp(-cycles / 25.0)
+
+
+def test_a_wire_is_trained_until_its_ends_stand():
+    ends, pulses = cycles_of_training(training_m)
+    assert 0.001 * STROKE_m < training_m(pulses) <= ENOUGH * STROKE_m  # and not for much longer than that takes
+    assert "they stand, with at most 0." in ends.words
+    assert left_to_go(ends.hot_m).mean_m == pytest.approx(training_m(pulses), rel=0.1)
+
+
+def test_a_wire_that_stands_is_not_trained():
+    ends, pulses = cycles_of_training(lambda cycles: 0.0)
+    assert pulses == 1 + FEWEST and "the hot end moved 0.0%" in ends.words
+
+
+def test_what_the_sensor_does_not_show_is_waited_for():
+    """Where the ends scatter by a fifth of the stroke's hundredth, ten cycles do not show that they stand."""
+    ends, pulses = cycles_of_training(lambda cycles: 0.0, noise_m=8e-6)
+    assert pulses > 20 and "they stand" in ends.words
+    assert cycles_of_training(training_m, noise_m=8e-6)[1] > 100
+
+
+def test_a_wire_that_does_not_come_to_stand_is_told_of():
+    """The square root of the cycles fits the measured wire as well, and has no end."""
+    ends, pulses = cycles_of_training(lambda cycles: -2e-4 * math.sqrt(cycles), most=60)
+    assert pulses == 60 and "they do not stand" in ends.words
+    ends, pulses = cycles_of_training(training_m, most=5)
+    assert pulses == 5 and "too few to say" in ends.words
+
+
+def test_a_half_trained_wire_is_trained_on_before_it_is_measured(tmp_path):
+    before, said = 90.0, []
+    bench, rig, operator = virtual_rig("flexinol", physics="in_training", cycles=before)
+    plan = make_plan(rig.config, dataclasses.replace(QUICK, training_cycles=60, skip=(*QUICK.skip, "lead_resistance")))
+    manifest = characterise(bench_mapping("flexinol"), plan[:1], rig, operator, tmp_path, say=said.append)
+
+    def left(cycles):
+        lacking = IN_TRAINING.after(cycles)
+        return lacking.hot_strain * rig.config.wire.length / rig.config.wire.full_stroke_m
+
+    assert left(before) > 2.0 * ENOUGH > 2.0 * left(before + bench.cycles)
+    assert len(said) == 1 and "they stand" in said[0]
+    found = manifest.data["parts"]["training"]["results"]
+    assert found["left_m"] <= ENOUGH * rig.config.wire.full_stroke_m
+    assert plan[0].parameters["load_N"] == max(part.parameters["load_N"] for part in plan)
+    write_page(tmp_path, manifest)
+    assert "Training: where the ends of the wire went" in (tmp_path / "calibration.html").read_text()
 
 
 def test_held_currents_take_every_step_between_two_of_them_and_stand_long_and_short():
