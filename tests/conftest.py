@@ -18,6 +18,7 @@ from hypothesis import HealthCheck, settings
 from left_behind import end_with_this_process
 from rig import Rig
 
+from sma_actuator.base.share import shared_file
 from sma_actuator.config import Config
 
 if TYPE_CHECKING:
@@ -104,14 +105,26 @@ _RECKONING = (
 )
 
 
+#: What many tests call first: the bench, and each model's estimate of many samples and of one.
+_WANTED_BY_MANY = (
+    "from sma_actuator.bench.server import BenchServer, VirtualBench as B; BenchServer(B.from_name('flexinol'))",
+    (
+        "import numpy as np; from sma_actuator.config import Config; from sma_actuator.estimation.chain import Chain; "
+        "from sma_actuator.base.signals import Signals; "
+        "signals, one = Signals(*np.ones((9, 40))), Signals(*np.ones(9)); "
+        "[(Chain(c).run(signals), Chain(c).step(one)) for c in map(Config.load, sys.argv[1:])]"
+    ),
+)
+
+
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Compile the bench once before many want it: on a fresh machine that takes a minute, and longer where four do it
-    at once."""
+    """Compile once what many want: on a fresh machine that takes a minute, and longer where four do it at once."""
     if getattr(session.config.option, "numprocesses", None):
-        bench = (
-            "from sma_actuator.bench.server import BenchServer, VirtualBench as B; BenchServer(B.from_name('flexinol'))"
-        )
-        subprocess.run([sys.executable, "-c", bench], check=True, timeout=600)
+        files = [str(shared_file(f"config/{wire}.yaml")) for wire in ("flexinol", "furukawa", "coil")]
+        compiling = [
+            subprocess.Popen([sys.executable, "-c", f"import sys; {text}", *files]) for text in _WANTED_BY_MANY
+        ]
+        assert [process.wait(600) for process in compiling] == [0, 0]
 
 
 @atexit.register  # before anything else is, so that it runs last: what others started they end in good order
