@@ -26,6 +26,7 @@ FEWEST_LOGS = 3
 SINCE_THEN, SINCE_THEN_WITHIN = 0.25, 0.125
 _AGREE = 0.8  #: share of the logs in which it moves the same way
 _ALIKE = 0.1  #: share by which the times may differ that two pulses are heated for
+_AS_HOT = 0.01  #: and the currents with which they end: one of the next lower power is another end
 _HOT_PART = 0.25  #: of the time driven, at its end
 
 
@@ -66,15 +67,19 @@ def _moved_m(experiment: Experiment) -> list[float]:
     if experiment.kind == PARTIAL:  # a quick wire goes any way between two readings, so their times tell nothing
         return []
     bounds = np.searchsorted(experiment.cycle, np.arange(1, experiment.cycle[-1] + 2))
-    pulses: list[tuple[int, float]] = []  # how long it was driven, and where its hot end was
+    pulses: list[tuple[int, float, float]] = []  # how long it was driven, with which current and where it ended
     for start, stop in itertools.pairwise(bounds):
-        driven_m = experiment.displacement_m[start:stop][experiment.driven[start:stop]]
-        if not len(driven_m):
+        driven = start + np.flatnonzero(experiment.driven[start:stop])
+        if not len(driven):
             return []
-        pulses.append((len(driven_m), float(np.median(driven_m[-max(3, round(_HOT_PART * len(driven_m))) :]))))
+        last = driven[-max(3, round(_HOT_PART * len(driven))) :]
+        shown = (experiment.signals.current_A[last], experiment.displacement_m[last])
+        current_A, end_m = (float(np.median(values)) for values in shown)
+        pulses.append((len(driven), current_A, end_m))
     moved_m = [
         end_m - before_m
-        for (long, before_m), (heated, end_m) in itertools.pairwise(pulses)
+        for (long, before_A, before_m), (heated, current_A, end_m) in itertools.pairwise(pulses)
         if abs(heated - long) <= _ALIKE * 0.5 * (heated + long) + 1.0
+        and abs(current_A - before_A) <= _AS_HOT * before_A
     ]
     return [float(np.mean(moved_m))] if moved_m else []

@@ -6,7 +6,7 @@ import pytest
 from characterised import bench_mapping, virtual_rig
 
 from sma_actuator.calibration.training import change_while_measured_m
-from sma_actuator.characterise.programs import square_pulses
+from sma_actuator.characterise.programs import held_currents, square_pulses
 from sma_actuator.identify import identify
 from sma_actuator.plant.loads import Weight
 from sma_actuator.plant.worlds import IN_TRAINING
@@ -51,6 +51,16 @@ def test_a_wire_that_is_half_trained_is_known_as_one(most_A):
         * (math.exp(-40.0 / IN_TRAINING.cycles) - math.exp(-49.0 / IN_TRAINING.cycles))
     )
     assert 0.6 * true_m < change_while_measured_m(logs, config) < 1.6 * true_m
+
+
+def test_currents_that_are_held_say_nothing_of_training():
+    """One after another ends elsewhere, and some of them follow each other after as long a time."""
+    logs = []
+    for load_N in LOADS_N:
+        _, rig, _ = virtual_rig("flexinol", seed=3, load=Weight(load_N))
+        with rig.opened():
+            logs.append(rig.record(held_currents((0.05, 0.15, 0.2, 0.25, 0.29, 0.33), 5.0, 10.0)))
+    assert change_while_measured_m(logs, rig.config) == 0.0
 
 
 def test_nothing_is_said_of_a_wire_that_is_trained():
