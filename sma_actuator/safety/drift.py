@@ -2,9 +2,10 @@
 
 The supply holds a current, the DAQ measures it over the sense resistor.  Both have errors of scale and zero, which
 stand still; what changes between them is a drift.  So a difference is held against the one that was noted, over a
-second that averages the noise.  One may be behind the other: what it shows then is what was so long ago, by the clock
-or by readings.  So each reading is held against what was at each such time, and the difference is known but for how
-much its mean depends on that: where nothing moves, exactly, however seldom or irregularly the readings come.
+second that averages the noise, and over some.  One may be behind the other: what it shows then is what was so long
+ago, by the clock or by readings.  So each reading is held against what was at each such time, and the difference is
+known but for how much its mean depends on that: where nothing moves, exactly, however seldom or irregularly the
+readings come.
 
 Both measure a voltage too, the supply with its own leads in it: what these drop is on a straight line over current.
 
@@ -17,16 +18,23 @@ from math import inf, isfinite, nan, sqrt
 
 from sma_actuator.base.jit import Floats, floats, jit
 
-WINDOW_s = 1.0  #: over which both are averaged
-#: And over this, for a wire that is moved: some of its cycles; in half of it a drift of 0.4 % a second comes to 1.6 %.
-LONG_s = 8.0
+#: Over which both are averaged: a second averages the noise; a wire that is moved wants longer, up to some of its
+#: cycles, and what drifts quickly is seen in the shortest that suffices.
+WINDOWS_s = (1.0, 2.0, 4.0, 8.0)
+WINDOW_s = WINDOWS_s[0]
 LAG_s = 0.2  #: that the DAQ may be behind the supply, and so much later than usual may a reading come
 METER_LAG_s = 0.5  #: that either may be behind the other where the supply measures: slow ones do so twice a second
-_LAGS = 4  #: parts of the lag that are looked at: of 0.2 s each is a period of the usual loop
+#: Parts of the lag that are looked at, half a period of the usual loop each: where its readings come a little early or
+#: late, one of whole periods is now that many readings ago, now one less.
+_LAGS = 8
 _BEHIND = 2  #: readings that it may be behind where that takes longer
 FLOOR_A = 1e-3  #: the step of the coarsest supplies that may be driven
 FLOOR_V = 10e-3  #: by how much a supply's voltmeter may wander, beside its scale and the step of its digits
 ZERO_V = 50e-3  #: its zero may be off by so much; that stands still
+#: Standard deviations of what is late at random, where that is known by what comes early or late: by chance one mean in
+#: a million is farther off.  Of a meter with a time of its own, always late at random, one has to do: with more nothing
+#: is left of a slow drift while the wire moves.
+CHANCE = 5.0
 SCALE = 0.015  #: what the scales of both may differ by, beside a drift
 STANDS_A = 0.25 * FLOOR_A  #: by how much a current that stands differs in the DAQ's eyes
 _STEADY = 3  #: readings that show it
@@ -45,10 +53,10 @@ _MEANS = _ROW - _MEAN
 #: What is remembered beside the rows: when the last reading came, the time between the last two, the share of it by
 #: which the last came early or late, since when there is no gap, how many rows there are and how many noted currents;
 _LAST_s, _USUAL_s, _ODD, _SINCE_s, _ROWS, _NOTED = range(6)
-#: and of either window its first row and the sums of what means are taken of.
-_FIRST, _SUMS = (6, 6 + 1 + _MEANS), (7, 7 + 1 + _MEANS)
-_STATE = _SUMS[1] + _MEANS
-_WINDOWS_s = (WINDOW_s, LONG_s)
+#: and of each window its first row and the sums of what means are taken of.
+_FIRST = tuple(6 + (1 + _MEANS) * window for window in range(len(WINDOWS_s)))
+_SUMS = tuple(first + 1 for first in _FIRST)
+_STATE = _SUMS[-1] + _MEANS
 #: Of a noted current: itself, by how much it was above, and how exactly that is known.
 _POINT = 3
 #: What two measurements have of their own.
@@ -102,14 +110,14 @@ def _late(rows: Floats, last: int, is_new: bool) -> float:
 
 @jit
 def _add(rows: Floats, state: Floats, last: int) -> None:
-    """Let both windows end with the last row."""
+    """Let all windows end with the last row."""
     row = _ROW * last
     state[_ROWS] = last + 1.0
-    for window in range(2):
+    for window in range(len(WINDOWS_s)):
         first = int(state[_FIRST[window]])
         for k in range(_MEANS):
             state[_SUMS[window] + k] += rows[row + _MEAN + k]
-        while rows[row + _TIME] - rows[_ROW * first + _TIME] >= _WINDOWS_s[window]:
+        while rows[row + _TIME] - rows[_ROW * first + _TIME] >= WINDOWS_s[window]:
             for k in range(_MEANS):
                 state[_SUMS[window] + k] -= rows[_ROW * first + _MEAN + k]
             first += 1
@@ -222,15 +230,15 @@ def _apart(
     rows[row + _TIME], rows[row + _ONE], rows[row + _OTHER] = now_s, one, other
     rows[row + _MEAN], rows[row + _MEAN + 1], rows[row + _NEW] = current, daq, 1.0 if is_new else 0.0
     _look_back(rows, last, lag_s, from_one, from_other)
-    rows[row + _LATE] = _late(rows, last, is_new) ** 2 * (state[_ODD] if kind[_ODD_COUNTS] > 0.0 else 1.0)
+    rows[row + _LATE] = _late(rows, last, is_new) ** 2 * (CHANCE**2 * state[_ODD] if kind[_ODD_COUNTS] > 0.0 else 1.0)
     _add(rows, state, last)
     seen_s = now_s - state[_SINCE_s]
     if isfinite(stands) and seen_s < WINDOW_s + lag_s:
         it_stands, supply, above = _steady(rows, state, stands)
         return _judge(state, noted, supply, above, stands, share * supply + floor, zero) if it_stands else (nan, nan)
     change, allowed = nan, nan
-    for window in range(2):
-        if isfinite(digit) and seen_s >= _WINDOWS_s[window] + lag_s:
+    for window in range(len(WINDOWS_s)):
+        if isfinite(digit) and seen_s >= WINDOWS_s[window] + lag_s:
             at, mean, above, vague = _among(state, window)
             supply = mean - above
             its_change, its_allowed = _judge(
@@ -308,7 +316,7 @@ class Apart:
     def _make_room(self) -> None:
         """For another row."""
         if not self._left:
-            first = int(self._state[_FIRST[1]])
+            first = int(self._state[_FIRST[-1]])
             wanted = self._rows[_ROW * first : _ROW * int(self._state[_ROWS])]
             self._rows = floats(max(len(self._rows), 2 * len(wanted)))
             self._rows[: len(wanted)] = wanted

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import isfinite
 
-from sma_actuator.safety.drift import FLOOR_A, FLOOR_V, SCALE, LAG_s, LONG_s, METER_LAG_s, WINDOW_s
+from sma_actuator.safety.drift import FLOOR_A, FLOOR_V, SCALE, LAG_s, METER_LAG_s, WINDOW_s, WINDOWS_s
 from sma_actuator.safety.formula import parameter_value, seconds
 from sma_actuator.safety.records import Action, Fault, Step, guard
 from sma_actuator.safety.timing import ONE_STEP, READING_TIMEOUT, THREE_STEPS, TWO_STEPS
@@ -16,6 +16,8 @@ from .wire import COMPLIANCE
 SETTINGS_CHECKED = seconds(2.0)
 #: Settings of supplies are coarser than the command: 0.02 mA in the thesis, up to 1 mA elsewhere.
 SETTING_TOLERANCE_A = 2e-3
+#: The longer times over which two measurements are averaged, in words.
+LONGER = "{} and {:g}".format(", ".join(f"{window_s:g}" for window_s in WINDOWS_s[1:-1]), WINDOWS_s[-1])
 
 
 @guard(
@@ -175,15 +177,14 @@ def measurements_disagree(step: Step) -> str:
 @guard(
     words="the measured current drifts from what the supply delivers",
     remedy="Where the supply's display agrees with what it was told, look at the sense resistor: its value "
-    "(circuit.reference_resistance), its contacts, what it warms to; else at the supply. Whoever clears this fault "
-    "takes the "
-    "difference as it is then for right",
+    "(circuit.reference_resistance), its contacts, what it warms to (one of more watts warms less); else at the "
+    "supply. Whoever clears this fault takes the difference as it is then for right",
     detector="while the supply holds its current: the DAQ's current, averaged over "
     f"{WINDOW_s:g} s, off the one that was set by more than safety.current_drift of it and {FLOOR_A * 1e3:g} mA beyond "
     f"what it was off "
     f"when such a current first flowed (by {SCALE * 100:g} % more of what it lies beyond the currents that have), and "
     f"by more than the mean of the current that was set depends on how late the DAQ is, up to {LAG_s:g} s or two "
-    f"readings; the same over {LONG_s:g} s, in which motion matters less",
+    f"readings; the same over {LONGER} s, in which motion matters less",
     within=seconds(WINDOW_s + LAG_s) + TWO_STEPS,
     action=Action.OFF,
     latches=True,
@@ -225,7 +226,7 @@ def current_drifts(step: Step) -> str:
     detector=f"the DAQ's voltage, averaged over {WINDOW_s:g} s, off the supply's own by more than safety.voltage_drift "
     f"of it and {FLOOR_V * 1e3:g} mV beyond what it was off when such a current first flowed (what its leads drop), "
     f"by more than the mean depends on how late either is, up to {METER_LAG_s:g} s or two readings, and more than the "
-    f"step of the supply's digits; the same over {LONG_s:g} s, in which motion matters less",
+    f"step of the supply's digits; the same over {LONGER} s, in which motion matters less",
     within=seconds(WINDOW_s + METER_LAG_s) + TWO_STEPS,
     action=Action.OFF,
     latches=True,
