@@ -17,6 +17,9 @@ RARE = 1e-12  #: what is less probable than this, by what was seen before, is no
 SEEN = 200  #: readings that say what is probable
 OFTEN = 0.3  #: of the readings that should have differed repeat, where something stands
 WINDOW = 100  #: readings over which a channel is called quiet
+#: Times its noise by which a channel may move over a window that shows how noisy it is: a load that is held on a spring
+#: creeps.  Motion that is no quicker adds a hundredth to second differences.
+CREEPS = 5.0
 WINDOWS = 2  #: of a channel that stood, before the latest, which may hold the beginning of the end
 SWING = 0.3  #: share of the full stroke that is a motion
 ALIKE = 2.0  #: motions are alike whose stiffness differs by less than this factor
@@ -79,7 +82,7 @@ def _noise(recent: Floats, steps: Floats, state: Floats, value: float) -> float:
         return nan
     level = sum(steps) / (WINDOW - 2)
     share = level / state[_LEAST] if state[_BEFORE] >= WINDOWS else nan
-    if state[_FRESH] >= WINDOW and level > 0.0 and _range_of_quarters(recent) <= level:
+    if state[_FRESH] >= WINDOW and level > 0.0 and _range_of_quarters(recent) <= CREEPS * level:
         state[_FRESH] = 0.0
         if isfinite(state[_LATEST]):
             state[_LEAST] = min(state[_LEAST], state[_LATEST])
