@@ -7,8 +7,10 @@ temperature and resistance have come from their last turns (:mod:`sma_actuator.e
 What is expected so is not news to anybody who traces a later log.
 
 A model may also depend on the way by which its load came to be what it is, which no wire that was ever loaded by
-weights has told it; what it would say if the load had always been so is another opinion.  Between the two lies what is
-expected, and how far they are apart is part of how well it is known (:func:`always_so_m`).
+weights has told it, and between its loads it goes on as its polynomial does, which with few loads goes through all of
+them and errs in none.  What it would say at the loads of its calibration if they had always hung there, and between
+these a smooth curve, is another opinion.  Between the two lies what is expected, and how far they are apart is part of
+how well it is known (:func:`always_so_m`).
 
 How well that is known, a second opinion says: where the wire is, by all of that but the model's displacement.  The two
 agree where the logs have been, and not at a place or with a history that is strange to them, or where the model has
@@ -25,7 +27,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sma_actuator.base.calibration import ExpectationSection
+from sma_actuator.base.calibration import ExpectationSection, through_each
 from sma_actuator.base.jit import jit
 from sma_actuator.base.remembered import Remembered
 from sma_actuator.base.signals import Signals
@@ -43,6 +45,7 @@ from sma_actuator.logs.experiments import Experiment
 
 from .interval import COVERAGE, INTERVAL
 from .rest import SPREAD
+from .stresses import clusters
 
 UNITS = 240  #: bends, of SEEN_TOGETHER of the features each
 SEEN_TOGETHER = 3
@@ -54,7 +57,6 @@ MOST_ROWS = 8000  #: that the regression sees; logs of more are thinned
 FOLDS = 4
 BLOCK_s = 20.0  #: left out together: longer than what a residual remembers; less of short logs
 FEWEST_LOADS = 3  #: from which all logs of a load are left out together
-LOADS = 5  #: constant ones, between which a load that changes is taken for one that was always so
 CHANGES = 0.1  #: spread of the load, over the load, from which it counts as changing
 LONGEST_s = 30.0  #: lag up to which a residual is held against itself
 
@@ -118,27 +120,25 @@ class Expectation:
         return np.clip((seen - self._centre) / self._scale, self._least, self._most)
 
 
-def always_so_m(signals: Signals, chain: Chain) -> np.ndarray:
+def always_so_m(signals: Signals, chain: Chain, loads_Pa: np.ndarray) -> np.ndarray:
     """Half of what a chain would say more if at every sample the load had always been what it is, of n samples.
 
-    The chain, with the memory that it has, stays as it is.
+    Of that it is asked at ``loads_Pa`` alone, those of its calibration.  The chain, with the memory that it has, stays
+    as it is.
     """
-    stress_Pa = signals.stress_Pa
-    least_Pa, most_Pa = np.nanpercentile(stress_Pa, (0.5, 99.5))
-    if not most_Pa - least_Pa > CHANGES * abs(np.nanmedian(stress_Pa)):
-        return np.zeros(len(stress_Pa))
-    said_m = []
-    for share in np.linspace(0.0, 1.0, LOADS):
-        constant_Pa = least_Pa + share * (most_Pa - least_Pa)
-        factor = constant_Pa / np.where(stress_Pa == 0.0, np.nan, stress_Pa)
-        load_N = np.where(np.isfinite(factor), signals.load_N * factor, signals.load_N)
-        as_if = dataclasses.replace(signals, stress_Pa=np.full(len(stress_Pa), constant_Pa), load_N=load_N)
-        said_m.append(copy.deepcopy(chain).run(as_if).model_m)
-    place = np.clip((np.nan_to_num(stress_Pa) - least_Pa) / (most_Pa - least_Pa), 0.0, 1.0) * (LOADS - 1)
-    below = np.minimum(place.astype(int), LOADS - 2)
-    each, table_m = np.arange(len(place)), np.array(said_m)
-    always_m = table_m[below, each] * (1.0 - (place - below)) + table_m[below + 1, each] * (place - below)
+    least_Pa, middle_Pa, most_Pa = np.nanpercentile(signals.stress_Pa, (0.5, 50.0, 99.5))
+    if not most_Pa - least_Pa > CHANGES * abs(middle_Pa):
+        signals = _always_at(signals, middle_Pa)  # the noise of a load cell is no way of a load
+    said_m = np.array([copy.deepcopy(chain).run(_always_at(signals, load_Pa)).model_m for load_Pa in loads_Pa])
+    always_m = through_each(loads_Pa, np.nan_to_num(said_m), np.nan_to_num(signals.stress_Pa))
     return np.nan_to_num(0.5 * (always_m - copy.deepcopy(chain).run(signals).model_m))
+
+
+def _always_at(signals: Signals, constant_Pa: float) -> Signals:
+    """The same under a load that has always been this one."""
+    factor = constant_Pa / np.where(signals.stress_Pa == 0.0, np.nan, signals.stress_Pa)
+    load_N = np.where(np.isfinite(factor), signals.load_N * factor, signals.load_N)
+    return dataclasses.replace(signals, stress_Pa=np.full(len(factor), constant_Pa), load_N=load_N)
 
 
 def learn(experiments: Sequence[Experiment], found: Sequence[Estimates], config: Config) -> ExpectationSection:
@@ -154,12 +154,13 @@ def learn(experiments: Sequence[Experiment], found: Sequence[Estimates], config:
     ambient_C = _usual_C(config)
     thermal = usual_heat_balance(config.thermal, range_Ohm)
     widths_Ohm = np.array(PLAYS_OF_RANGE) * range_Ohm
+    loads_Pa = clusters([t.mean_stress_Pa for t in experiments])
     stride = max(1, -(-len(places_m) // MOST_ROWS))
     rows = []
     for number, (experiment, estimates) in enumerate(zip(experiments, found, strict=True)):
         seen = _features(estimates, thermal, widths_Ohm, (low_m, high_m), ambient_C)
         residual_m = experiment.displacement_m - estimates.displacement_m
-        residual_m = residual_m - always_so_m(experiment.signals, Chain(config))
+        residual_m = residual_m - always_so_m(experiment.signals, Chain(config), loads_Pa)
         good = np.isfinite(seen).all(axis=1) & np.isfinite(residual_m)
         time_s = estimates.time_s - estimates.time_s[0]
         block = time_s // min(BLOCK_s, max(time_s[-1], 1e-9) / (2 * FOLDS)) + number
@@ -176,10 +177,6 @@ def learn(experiments: Sequence[Experiment], found: Sequence[Estimates], config:
     apart_m = np.abs(_left_out(beside, place_m, fold) - news_m)
     typical_m = float(np.median(apart_m))
     times = float(np.quantile(np.abs(news_m) / (typical_m + apart_m), COVERAGE)) / (INTERVAL * SPREAD)
-    if fold is not stretches and fold.max() + 1 < FOLDS:
-        # Most of so few loads are the ends: far beyond the others the two disagree by more than they err, which says
-        # nothing of what lies between.  There it is no less than what is left in the mean.
-        typical_m = max(typical_m, float(np.abs(news_m).mean()) / times)
     return ExpectationSection(
         expected_stroke=(low_m, high_m),
         expected_centre=_rounded(centre),

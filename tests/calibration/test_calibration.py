@@ -8,6 +8,7 @@ from characterised import virtual_rig
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sma_actuator.base.calibration import through
 from sma_actuator.calibration import calibration_of
 from sma_actuator.calibration.expectation import Expectation, always_so_m, correlation_time_s, learn
 from sma_actuator.calibration.interval import expected_residual_m
@@ -322,8 +323,29 @@ def test_of_a_load_that_changes_half_of_what_the_model_would_say_had_it_always_b
     changed = hanging(np.where(later, weights_N[1], weights_N[0]))
     always_m = np.where(later, then, first)
     chain = Chain(config)
-    half_m = always_so_m(changed, chain)
+    loads_Pa = np.array(weights_N) / config.wire.area_m2
+    half_m = always_so_m(changed, chain, loads_Pa)
     as_it_is_m = chain.run(changed).model_m
     np.testing.assert_allclose(half_m, 0.5 * (always_m - as_it_is_m), atol=1e-9)
     assert np.abs(half_m[later]).max() > 1e-5 and np.abs(half_m[~later]).max() < 1e-9
-    assert not always_so_m(hanging(weights_N[0]), Chain(config)).any()
+    assert not always_so_m(hanging(weights_N[0]), Chain(config), loads_Pa).any()
+
+
+def test_between_the_loads_of_its_calibration_a_model_is_half_believed_where_a_smooth_curve_says_otherwise(identified):
+    logs, result = identified
+    config = Config.from_mapping(result.mapping)
+    signals = make_experiment(next(log for log in logs if log.metadata["kind"] == "pulses"), config).signals
+    loads_N = np.array([0.5, 1.0, 2.0])
+
+    def hanging(load_N):
+        load_N = np.full(len(signals.time_s), load_N)
+        return dataclasses.replace(signals, load_N=load_N, stress_Pa=load_N / config.wire.area_m2)
+
+    said_m = np.array([Chain(config).run(hanging(load_N)).model_m for load_N in loads_N])
+    some = slice(20, None, 50)
+    for between_N in (0.7, 1.6, 2.3):
+        half_m = always_so_m(hanging(between_N), Chain(config), loads_N / config.wire.area_m2)
+        curve_m = [through(loads_N, values, between_N) for values in said_m.T[some]]
+        model_m = Chain(config).run(hanging(between_N)).model_m
+        np.testing.assert_allclose(half_m[some], 0.5 * (curve_m - model_m[some]), atol=1e-9)
+        assert np.abs(half_m).max() > 1e-5

@@ -209,7 +209,6 @@ def test_the_power_to_transform_tells_a_changed_heat_loss_from_a_wire_whose_resi
         (5, 10.0),
         pytest.param(6, 10.0, marks=pytest.mark.long),
         (7, -10.0),
-        pytest.param(8, 10.0, marks=pytest.mark.long),
     ],
 )
 def test_the_power_to_transform_tells_it_from_surroundings_of_another_temperature_that_nobody_logged(

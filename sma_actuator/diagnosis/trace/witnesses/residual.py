@@ -49,8 +49,9 @@ class Residual:
         #: What the calibration expects; a model that says itself how sure it is has left nothing to expect.
         self.expectation = Expectation(config) if expected else None
         #: Of every log, for the model as it is: how far it is from half the way to one whose load was always what it
-        #: is.
-        self._always_so_m = [always_so_m(signals, chain) for signals, _ in logs.seen] if expected else []
+        #: is, by the loads of its calibration.
+        loads_Pa = np.array(calibration.interval.residual_stress)
+        self._always_so_m = [always_so_m(signals, chain, loads_Pa) for signals, _ in logs.seen] if expected else []
         self.floor_m: list[np.ndarray] = []
         self.row_units = np.concatenate([each[rows] for each, rows in zip(unit, logs.compared, strict=True)])
         self.row_names = np.zeros(len(self.row_units), dtype=int)
