@@ -19,7 +19,7 @@ from typing import Any
 
 from .base.balance import held_rise_K, holding_A
 from .base.parameters import ConfigError, from_mapping
-from .base.sections import SupplyParameters, ThermalParameters, Wire
+from .base.sections import Loop, SupplyParameters, ThermalParameters, Wire
 from .safety.thermal import CAPACITY_WITHIN
 
 DENSITY_kg_m3 = 6450.0
@@ -35,6 +35,10 @@ _RADIATION_W_m2K = 5.0  #: emissivity 0.6
 _MORGAN = ((1e-2, 0.675, 0.058), (1e2, 1.02, 0.148), (math.inf, 0.850, 0.188))
 HALF = 2.0  #: what is promised is a wire that loses half the heat that it should
 LATENT = 3.0  #: by how much latent heat lengthens the lag of the temperature
+#: A loop that reads a wire fewer than ten times in heat_capacity / heat_loss may swing about its setpoint, and logs do
+#: not tell what the wire loses; so it is read twelve times, as far as usual instruments answer, and where it is not the
+#: gains are less.
+READINGS, QUICKEST_Hz = 12.0, 100.0
 _BIAS_RISE_K = 3.0
 _TRIP_HEADROOM_K = 5.0
 _AMBIENT_C, _DERATE_C, _HOTTEST_C = 24.0, 180.0, 200.0  # the defaults of the section thermal
@@ -108,7 +112,8 @@ def derived(mapping: Mapping[str, Any]) -> dict[str, Derived]:
         _digits(LATENT * capacity / loss, 2),
         f"{LATENT:g} · heat_capacity / heat_loss: latent heat makes the wire slower; identify measures it",
     )
-    _settle_gains(wire, given("supply.max_current", out["supply.max_current"].value), lag_s, settle)
+    readings = _settle_rate(capacity / loss, given, settle)
+    _settle_gains(wire, given("supply.max_current", out["supply.max_current"].value), lag_s, readings, settle)
     least_Ohm, largest_Ohm = (wire.resistance_Ohm(r) for r in (LEAST_RESISTIVITY_Ohm_m, LARGEST_RESISTIVITY_Ohm_m))
     settle(
         "safety.resistance_min",
@@ -196,12 +201,33 @@ def not_survived(wire: Wire, supply: SupplyParameters, thermal: ThermalParameter
     )
 
 
-def _settle_gains(wire: Wire, most_A: float, lag_s: float, settle: Any) -> None:
+def _settle_rate(time_constant_s: float, given: Any, settle: Any) -> float:
+    """Only where the wire is too quick for the usual rate; how often it is read in its time constant then."""
+    usual = Loop()
+    if time_constant_s * usual.rate >= READINGS:
+        return time_constant_s * given("loop.rate", usual.rate)
+    rate_Hz = settle(
+        "loop.rate",
+        float(math.ceil(min(READINGS / time_constant_s, QUICKEST_Hz))),
+        f"{READINGS:g} readings in heat_capacity / heat_loss, {time_constant_s:.2g} s, at most {QUICKEST_Hz:g} a "
+        "second: with fewer the loop may swing. `sma-actuator check` says whether the instruments are as quick",
+    )
+    settle(
+        "loop.samples_per_block",
+        max(int(given("loop.sample_rate", usual.sample_rate) / rate_Hz), 1),
+        "as many as are sampled from one reading to the next",
+    )
+    return time_constant_s * rate_Hz
+
+
+def _settle_gains(wire: Wire, most_A: float, lag_s: float, readings: float, settle: Any) -> None:
     """No kd: it doubles what noise makes of the current, and buys no error (docs/control.md)."""
+    slow = min(readings / READINGS, 1.0)
+    less = f", times {slow:.2g}: {readings:.2g} readings in heat_capacity / heat_loss instead of {READINGS:g}"
     kp = settle(
         "controller.kp",
-        _digits(4.0 * most_A / wire.full_stroke_m, 2),
-        "an error of a quarter of the full stroke asks for all of max_current",
+        _digits(4.0 * slow * most_A / wire.full_stroke_m, 2),
+        f"an error of a quarter of the full stroke asks for all of max_current{less if slow < 1.0 else ''}",
     )
     settle(
         "controller.ki",
@@ -212,7 +238,7 @@ def _settle_gains(wire: Wire, most_A: float, lag_s: float, settle: Any) -> None:
 
 def without_derived(mapping: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
     """``mapping`` without what follows from the rest of it, and the names of that: nobody gave it, so what is measured
-    may take its place.
+    may take its place.  How often the wire is read stays: the logs are read so, by instruments that can.
 
     Raises ConfigError where the wire is not known.
     """
@@ -220,7 +246,7 @@ def without_derived(mapping: Mapping[str, Any]) -> tuple[dict[str, Any], list[st
     names = []
     for name, found in derived(mapping).items():
         section, _, key = name.partition(".")
-        if not _lacks(out, name) and out.get(section, {}).get(key) == found.value:
+        if section != "loop" and not _lacks(out, name) and out.get(section, {}).get(key) == found.value:
             del out[section][key]
             names.append(name)
     return out, names

@@ -7,11 +7,13 @@ import sys
 import pytest
 from rig import Rig
 
+from sma_actuator.base.sections import Loop
 from sma_actuator.base.share import shared_file
+from sma_actuator.characterise.plan import QUICK_READINGS
 from sma_actuator.cli.init import QUESTIONS
 from sma_actuator.cli.main import main
 from sma_actuator.config import Config, bench_from_mapping, read_parameter_file, write_parameter_file
-from sma_actuator.derived import HOT_RESISTIVITY_Ohm_m, derived
+from sma_actuator.derived import HOT_RESISTIVITY_Ohm_m, derived, with_derived, without_derived
 from sma_actuator.logs.units import quantity
 
 ANSWERS = {
@@ -231,6 +233,47 @@ def test_limits_hold_for_still_air_whatever_loss_is_measured(times):
         section, _, key = name.partition(".")
         mapping.setdefault(section, {}).setdefault(key, each.value)
     bench_from_mapping(mapping | {"instruments": {}})  # and such a file is taken
+
+
+@pytest.mark.parametrize("diameter_m", [37e-6, 50e-6])
+def test_a_quick_wire_is_read_as_often_as_it_wants(diameter_m):
+    """Ten readings in its time constant, as a calibration without ramps has; the blocks fit in between."""
+    wire = {"alloy": "ni-ti", "length": 0.1, "diameter": diameter_m}
+    found = {name: each.value for name, each in derived({"wire": wire}).items()}
+    time_constant_s = found["thermal.heat_capacity"] / found["thermal.heat_loss"]
+    assert Loop().rate * time_constant_s < QUICK_READINGS <= found["loop.rate"] * time_constant_s
+    assert 0.8 < found["loop.samples_per_block"] / Loop().sample_rate * found["loop.rate"] <= 1.0
+    slower = derived({"wire": wire, "loop": {"rate": 25.0}})  # as slow instruments want it
+    assert slower["loop.samples_per_block"].value == 40
+
+
+@pytest.mark.parametrize(
+    ("diameter_m", "rate_Hz", "share"), [(50e-6, None, 1.0), (50e-6, 20.0, 0.45), (25e-6, None, 0.64)]
+)
+def test_gains_are_less_where_a_wire_is_not_read_as_often_as_it_wants(diameter_m, rate_Hz, share):
+    """25 µm at 100 Hz, 7 readings in its time constant: with the usual gains the loop swings by 7 % of the stroke."""
+    loop = {} if rate_Hz is None else {"loop": {"rate": rate_Hz}}
+    found = derived({"wire": {"alloy": "ni-ti", "length": 0.1, "diameter": diameter_m}, **loop})
+    usual = 4.0 * found["supply.max_current"].value / 4e-3
+    assert found["controller.kp"].value == pytest.approx(share * usual, rel=0.05)
+    assert ("readings" in found["controller.kp"].why) == (share < 1.0)
+
+
+@pytest.mark.parametrize("loop", [{}, {"rate": 40.0}], ids=["derived", "given"])
+def test_how_often_a_wire_is_read_stays_when_what_was_derived_gives_way(loop):
+    mapping = {"wire": {"alloy": "ni-ti", "length": 0.1, "diameter": 50e-6}, "loop": dict(loop)}
+    for name, each in derived(mapping).items():
+        section, _, key = name.partition(".")
+        mapping.setdefault(section, {}).setdefault(key, each.value)
+    left, names = without_derived(mapping)
+    assert left["loop"] == mapping["loop"] and "thermal.heat_loss" in names
+    bench_from_mapping(with_derived(left) | {"instruments": {}})
+
+
+def test_a_wire_that_is_no_quicker_than_usual_is_read_as_usual():
+    assert not [
+        name for name in derived({"wire": {"alloy": "ni-ti", "length": 0.1, "diameter": 0.1e-3}}) if "loop" in name
+    ]
 
 
 def test_limits_and_gains_that_were_derived_drive_the_wire(tmp_path):
