@@ -137,17 +137,22 @@ def warmer_K(
     And how far ahead of its thermal lag the share of the stroke was, which says how much of that rests on the latent
     heat.  ``heat_W``: what heats it.
     """
+    if not found:
+        return np.empty(0), np.empty(0)
     settled_C = _settled_C(signals, heat_W, thermal)
     warm_C, fresh = _lagged(signals.time_s, settled_C, share, thermal)
+    number = np.array([len(rows) for _, rows in found])
+    begins, rows = np.cumsum(number) - number, np.concatenate([rows for _, rows in found])
+    heating = np.repeat([heating for heating, _ in found], number)
     places = np.linspace(0.0, 1.0, len(curves.transformation_heating))
-    warmer, ahead = np.empty(len(found)), np.empty(len(found))
-    for i, (heating, rows) in enumerate(found):
-        curve_C = curves.transformation_heating if heating else curves.transformation_cooling
-        there_C = np.interp(share[rows], places, curve_C)
-        there_C = there_C + curves.transformation_shift[heating] * signals.stress_Pa[rows]
-        ahead[i] = np.mean(fresh[rows])
-        warmer[i] = np.mean(warm_C[rows] - there_C) + curves.latent_rise * ahead[i]
-    return warmer, ahead
+    curves_C = [
+        np.interp(share[rows], places, c) for c in (curves.transformation_cooling, curves.transformation_heating)
+    ]
+    shift_C_Pa = np.array(curves.transformation_shift)[heating.astype(int)]
+    there_C = np.where(heating, curves_C[1], curves_C[0]) + shift_C_Pa * signals.stress_Pa[rows]
+    ahead = np.add.reduceat(fresh[rows], begins) / number
+    warmer = np.add.reduceat(warm_C[rows] - there_C, begins) / number
+    return warmer + curves.latent_rise * ahead, ahead
 
 
 def _settled_C(signals: Signals, heat_W: np.ndarray, thermal: ThermalParameters) -> np.ndarray:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
 from sma_actuator.base.calibration import Calibration
+from sma_actuator.base.remembered import Remembered
 from sma_actuator.calibration.power import passages, warmer_K
 from sma_actuator.config import Config
 from sma_actuator.diagnosis.trace.limits import LIMITS
@@ -28,6 +30,7 @@ class Power:
         if math.isfinite(calibration.ambient_temperature):
             self._thermal = dataclasses.replace(self._thermal, ambient_temperature=calibration.ambient_temperature)
         self._passages = [self._found(number) for number in range(len(logs.experiments))]
+        self._remembered = Remembered()
         units = [int(unit[i][rows[0]]) for i, found in enumerate(self._passages) for _, rows in found]
         self.row_units = np.array(units, dtype=int)
         self.row_names = np.zeros(len(units), dtype=int)
@@ -48,18 +51,21 @@ class Power:
 
     def off(self, predictions: Sequence[Prediction]) -> np.ndarray:
         """How much warmer, in standard deviations, shape (passages,)."""
-        out, c, curves = [np.empty(0)], self.calibration, self.calibration.power
-        for i, (found, p) in enumerate(zip(self._passages, predictions, strict=True)):
-            if not found:
-                continue
-            signals = dataclasses.replace(self.logs.experiments[i].signals, stress_Pa=p.stress_Pa)
-            share = c.share_of_stroke(self.logs.measured_m[i] - p.beside_m, p.stress_Pa)
-            off_K, ahead = warmer_K(signals, p.heat_W, share, curves, self._thermal, found)
-            usual = np.mean(np.reshape(curves.transformation_speed, (2, 2)), axis=1)[
-                [int(heating) for heating, _ in found]
-            ]
-            rise_K = np.mean([*curves.transformation_heating, *curves.transformation_cooling])
-            rise_K -= self._thermal.ambient_temperature
-            known_K = math.hypot(curves.transformation_scatter, LIMITS.heat_balance * rise_K)
-            out.append(off_K / np.hypot(known_K, LIMITS.other_speed * rise_K * (ahead - usual)))
+        out = [np.empty(0)]
+        for number, (found, p) in enumerate(zip(self._passages, predictions, strict=True)):
+            if found:  # a quarter of the steps of a fit leave it as it was
+                decides = np.full(1, number), p.heat_W, p.beside_m, p.stress_Pa
+                out.append(self._remembered.of(partial(self._off, number, p), *decides))
         return np.concatenate(out)
+
+    def _off(self, number: int, p: Prediction) -> np.ndarray:
+        """The same of one log."""
+        found, c, curves = self._passages[number], self.calibration, self.calibration.power
+        signals = dataclasses.replace(self.logs.experiments[number].signals, stress_Pa=p.stress_Pa)
+        share = c.share_of_stroke(self.logs.measured_m[number] - p.beside_m, p.stress_Pa)
+        off_K, ahead = warmer_K(signals, p.heat_W, share, curves, self._thermal, found)
+        usual = np.mean(np.reshape(curves.transformation_speed, (2, 2)), axis=1)[[int(heating) for heating, _ in found]]
+        rise_K = np.mean([*curves.transformation_heating, *curves.transformation_cooling])
+        rise_K -= self._thermal.ambient_temperature
+        known_K = math.hypot(curves.transformation_scatter, LIMITS.heat_balance * rise_K)
+        return off_K / np.hypot(known_K, LIMITS.other_speed * rise_K * (ahead - usual))
