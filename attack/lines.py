@@ -193,13 +193,13 @@ class Line:
             self.broken("more than supply.max_current flows", f"{self.stand.most_A:.4f} A")
 
     def _talk_ends_within_s(self, role: str, mischief: Mischief) -> float:
-        within_s = self.promises.within_s(f"{role}_lost")
+        within_s = within_lost_s = self.promises.within_s(f"{role}_lost")
         if role == "supply":
             within_s = max(within_s, self.config.supply.watchdog_timeout)
             if mischief.kind == "garble" and mischief.touches("questions"):
                 # It hears no "off" either, only words, and its watchdog counts from the last: the off that gives the
-                # line up.
-                return self.config.instruments.supply.timeout + self.config.supply.watchdog_timeout
+                # line up, once an answer that may still come has been waited for.
+                return within_lost_s + self.config.supply.watchdog_timeout
         return min(within_s, OFF_AT_MOST_s)
 
     def _must_fall_silent(self, began_s: float) -> None:
