@@ -71,7 +71,9 @@ def _driven(bench_mapping, hidden, load, seed, logs, heat):
         for number in range(logs):
             bench.advance(number * (LOG_s + PAUSE_s))
             currents_A = _currents_A(config, seed + number, heat)
-            log = rig.record((Drive(float(current_A)) for current_A in currents_A), but=("load_spike",))
+            # Loads change on purpose, and a sense resistor that warms drifts: a session goes on as on others' benches.
+            drives = (Drive(float(current_A)) for current_A in currents_A)
+            log = rig.record(drives, but=("load_spike", "current_drifts"))
             columns = dict(log.columns)
             columns["time_s"] = columns["time_s"] + (bench.time_s - columns["time_s"][-1])
             out.append(BenchLog(columns, {}, f"session_{number + 1}.csv"))
