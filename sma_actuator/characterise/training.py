@@ -70,7 +70,7 @@ class Ends:
     @property
     def furthest_m(self) -> float:
         """The most that either end may well have to go; NaN where there were too few cycles to say."""
-        return max((left_to_go(ends_m).most_m for ends_m in (self.hot_m, self.cold_m)), key=_nan_last)
+        return float(np.max([left_to_go(ends_m).most_m for ends_m in (self.hot_m, self.cold_m)]))
 
     @property
     def words(self) -> str:
@@ -90,7 +90,3 @@ class Ends:
             f"{seen}; they do not stand, up to {left:.1%} is left: what is measured now is of a wire that still "
             "changes (more cycles: --training-cycles)"
         )
-
-
-def _nan_last(value: float) -> float:
-    return math.inf if math.isnan(value) else value
