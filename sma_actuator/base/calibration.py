@@ -266,6 +266,10 @@ class Calibration:
                 )
         return out
 
+    def usual_ambient_C(self, otherwise_C: float) -> float:
+        """How warm it was around the wire when it was calibrated; ``otherwise_C`` where nobody noted it."""
+        return self.ambient_temperature if math.isfinite(self.ambient_temperature) else otherwise_C
+
     def share_of_stroke(self, displacement_m: Any, stress_Pa: Any) -> Any:
         """How far a displacement lies between the contracted (0) and the cold wire (1) at a stress; of numbers or
         arrays."""

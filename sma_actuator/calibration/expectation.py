@@ -69,7 +69,7 @@ class Expectation:
         if not known.known:
             raise ValueError("the calibration says nothing of its residual")
         self._low_m, self._high_m = known.expected_stroke
-        self._ambient_C = _usual_C(config)
+        self._ambient_C = config.calibration.usual_ambient_C(config.thermal.ambient_temperature)
         self._thermal = usual_heat_balance(config.thermal, range_Ohm)
         self._widths_Ohm = np.array(PLAYS_OF_RANGE) * range_Ohm
         self._centre, self._scale = np.array(known.expected_centre), np.array(known.expected_scale)
@@ -151,7 +151,7 @@ def learn(experiments: Sequence[Experiment], found: Sequence[Estimates], config:
     range_Ohm = config.calibration.resistance_range
     places_m = np.concatenate([t.displacement_m for t in experiments])
     low_m, high_m = (float(v) for v in np.nanpercentile(places_m, (0.5, 99.5)))
-    ambient_C = _usual_C(config)
+    ambient_C = config.calibration.usual_ambient_C(config.thermal.ambient_temperature)
     thermal = usual_heat_balance(config.thermal, range_Ohm)
     widths_Ohm = np.array(PLAYS_OF_RANGE) * range_Ohm
     loads_Pa = clusters([t.mean_stress_Pa for t in experiments])
@@ -206,12 +206,6 @@ def how_long(experiments: Sequence[Experiment], found: Sequence[Estimates]) -> E
     return ExpectationSection(
         independent_time=correlation_time_s(*(np.concatenate(c) for c in zip(*rows, strict=True)))
     )
-
-
-def _usual_C(config: Config) -> float:
-    """Temperature of the surroundings at the calibration."""
-    known_C = config.calibration.ambient_temperature
-    return known_C if np.isfinite(known_C) else config.thermal.ambient_temperature
 
 
 def _features(

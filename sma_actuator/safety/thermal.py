@@ -197,15 +197,10 @@ def most_contracted_Ohm(hot_end: HotEndSection, parameters: ThermalParameters) -
     return max(hot_end.contracted_resistance) * (1.0 + MOST_SLOPE_1_K * hotter_K)
 
 
-def _ambient_then_C(calibration: Calibration, parameters: ThermalParameters) -> float:
-    """How warm it was around the wire when the calibration was measured."""
-    then_C = calibration.ambient_temperature
-    return then_C if math.isfinite(then_C) else parameters.ambient_temperature
-
-
 def returns_at_C(calibration: Calibration, parameters: ThermalParameters, stress_Pa: float) -> float:
     """The temperature at which this wire, cooling, was back at ``cooling_position``; NaN where nobody knows."""
-    return _ambient_then_C(calibration, parameters) + calibration.hot_end.cooling_rise_K(stress_Pa)
+    then_C = calibration.usual_ambient_C(parameters.ambient_temperature)
+    return then_C + calibration.hot_end.cooling_rise_K(stress_Pa)
 
 
 def transforms_at_C(
@@ -222,7 +217,7 @@ def transforms_at_C(
         return math.inf
     share = (resistance_Ohm - hot_Ohm) / (cold_Ohm - hot_Ohm)
     by_balance_C = calibration.power.heating_C(min(max(share, 0.0), 1.0), stress_Pa)
-    then_C = _ambient_then_C(calibration, parameters)
+    then_C = calibration.usual_ambient_C(parameters.ambient_temperature)
     highest_C = then_C + CAPACITY_WITHIN * (by_balance_C - then_C)
     return highest_C if math.isfinite(highest_C) else math.inf
 
