@@ -2,13 +2,14 @@
 
     python benchmarks/control_worlds.py [--physics NAME …] [--drawn 24] [--every N] [--wire flexinol furukawa]
                                         [--model whole_range thesis] [--law pid feed_forward_pid] [--json FILE]
-                                                                                          (make control-worlds)
+                                        [--diameter UM] [--experiment NAME …]             (make control-worlds)
 
 ``init``, ``characterise``, ``identify``, ``init``, and a second round with that model (``users_way.py``; ``--model
 first_round``: without it), then the driver of the node (``driven.py``): the thesis's eleven experiments, a light and a
 heavy weight and a stiff spring, over 85 % of the stroke that the wire truly has under each load.  Without
 ``--physics``: the eight that were designed and as many as ``--drawn`` says that nobody chose, by the numbers from
-``--from`` on; ``--every 4`` takes every fourth of them.  Everything is kept in ``out`` and used again while nothing has
+``--from`` on; ``--every 4`` takes every fourth of them.  ``--diameter``: wires of that many µm, with instruments and
+loads that suit them.  Everything is kept in ``out`` and used again while nothing has
 changed that it depends on; what is stopped goes on where it was.
 
 Errors are mean absolute, % of full stroke.  First table, the output error of each run, held against the thesis's for
@@ -30,6 +31,7 @@ import argparse
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +42,7 @@ from driven import LAWS, RUN_BY, SHARED, Case, Found, fastest_once, once
 from kept import MODEL, kept
 from rich.console import Console
 from rich.table import Table
-from users_way import MODELS, WIRES, digest, prepared, replayed
+from users_way import MODELS, WIRES, alloy_of, digest, prepared, replayed, wire_named
 
 from sma_actuator.plant.worlds import DRAWN, WORLDS, world_of
 
@@ -110,10 +112,12 @@ class Judged:
         return float(np.nanmean(values)) if np.isfinite(values).any() else np.nan
 
 
-def judged(wire: Wire) -> Judged:
-    """Every run of a wire, from disk where it was made before."""
+def judged(wire: Wire, only: Sequence[str] = ()) -> Judged:
+    """Every run of a wire, or ``only`` these, from disk where it was made before."""
     runs = []
-    for experiment in EXPERIMENTS[wire.wire]:
+    for experiment in EXPERIMENTS[alloy_of(wire.wire)]:
+        if only and experiment.name not in only:
+            continue
         found = once(wire.case(experiment))
         best = fastest_once(found.case) if experiment.program == "steps" else 0.0
         runs.append((experiment, found, best))
@@ -129,12 +133,12 @@ def _replayed(wire: Wire) -> tuple[float, float]:
 
 
 def errors_of(rows: Sequence[Judged], alloy: str) -> Table:
-    """Output errors of one alloy."""
+    """Output errors of one alloy, of the experiments that were run."""
     table = Table(title=f"{alloy}: output error, % of full stroke; steps: (beyond full current or none)")
     table.title_justify = "left"
     for name in ("physics", "model", "law"):
         table.add_column(name)
-    for experiment in EXPERIMENTS[alloy]:
+    for experiment, _, _ in rows[0].runs:
         table.add_column(f"{experiment.name}\n{experiment.thesis:.2f}", justify="right")
     for row in rows:
         cells = []
@@ -247,9 +251,9 @@ def asked(args: argparse.Namespace) -> list[Wire]:
     drawn = [f"{DRAWN}{number}" for number in range(args.first, args.first + args.drawn)]
     physics = args.physics or [*WORLDS, *drawn][:: args.every]
     return [
-        Wire(name, wire, model, law)
+        Wire(name, wire_named(alloy, args.diameter), model, law)
         for name in physics
-        for wire in args.wire
+        for alloy in args.wire
         for model in args.model
         for law in args.law
     ]
@@ -269,15 +273,18 @@ def main() -> int:
     parser.add_argument("--wire", nargs="*", choices=WIRES, default=WIRES)
     parser.add_argument("--model", nargs="*", choices=MODELS, default=("whole_range",))
     parser.add_argument("--law", nargs="*", choices=LAWS, default=("pid", "feed_forward_pid"))
+    parser.add_argument("--diameter", type=float, default=0.0, metavar="UM", help="µm; without it the wire's own")
+    named = sorted({experiment.name for each in EXPERIMENTS.values() for experiment in each})
+    parser.add_argument("--experiment", nargs="*", choices=named, default=(), metavar="NAME", help="these alone")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every number here")
     args = parser.parse_args()
     wires = asked(args)
     jobs = list(dict.fromkeys((each.wire, each.physics, tuple(args.model)) for each in wires))
-    rows = prepared(jobs, judged, wires, args.jobs)
+    rows = prepared(jobs, partial(judged, only=args.experiment), wires, args.jobs)
     console = Console(width=170)
     for alloy in args.wire:
-        console.print(errors_of([row for row in rows if row.wire.wire == alloy], alloy))
+        console.print(errors_of([row for row in rows if alloy_of(row.wire.wire) == alloy], alloy))
     console.print("* not below half of the thesis's (steps: what is beyond), ** not below it, ! ended by a fault")
     console.print(rest_of(rows))
     for line in summary(rows):

@@ -13,11 +13,10 @@ import numpy as np
 from control_tables import CONSTANT, SPRING, STEPS, SWITCHED, VARYING, DURATION_s, DWELL_s, PERIOD_s, program
 from kept import MODEL, kept
 from trial_laws import TRIALS
-from users_way import cycles_done, digest, identified, stroke_of
+from users_way import bench_of, cycles_done, digest, identified, scaled, stroke_of
 
 from sma_actuator.base.signals import Mode
 from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock
-from sma_actuator.bench.chain import Chain
 from sma_actuator.config import Config
 from sma_actuator.control.setpoints import Setpoint
 from sma_actuator.driver import Driver
@@ -108,23 +107,23 @@ class Found:
         return max(self.limits_s.get(name, 0.0) for name in FALSE)
 
 
-def load_of(name: str, config: Config) -> Load:
-    """A load by its name; the lightest and the heaviest by the wire's section."""
+def load_of(case: Case, config: Config) -> Load:
+    """The load of a run; the lightest and the heaviest by the wire's section."""
     weights_Pa = {"light": LIGHT_Pa, "heavy": HEAVY_Pa}
-    return SHARED[name] if name in SHARED else Weight(round(weights_Pa[name] * config.wire.area_m2, 3))
+    if case.load in SHARED:
+        return scaled(case.wire, SHARED[case.load])
+    return Weight(float(f"{weights_Pa[case.load] * config.wire.area_m2:.3g}"))
 
 
 def bench_for(case: Case, config: Config, seed: int) -> VirtualBench:
     """A bench with the wire that was characterised, as it is since, and this load."""
     cycles = cycles_done(case.wire, case.physics)
-    load = load_of(case.load, config)
-    chain = Chain(noise_V=tuple(case.noise * noise_V for noise_V in Chain().noise_V))
-    return VirtualBench.from_name(case.wire, seed, load, physics=case.physics, cycles=cycles, chain=chain)
+    return bench_of(case.wire, case.physics, cycles, seed, load_of(case, config), case.noise)
 
 
 def setpoint_of(case: Case, config: Config) -> Setpoint:
     """What is asked for: a program that spans :data:`SPAN` of the true stroke."""
-    hot_m, cold_m = stroke_of(case.wire, case.physics, load_of(case.load, config))
+    hot_m, cold_m = stroke_of(case.wire, case.physics, load_of(case, config))
     parts = (min(STEPS), max(STEPS)) if case.program == "steps" else (0.1, 0.9)
     span_m = SPAN * (cold_m - hot_m) / (parts[1] - parts[0])
     low_m = hot_m + 0.5 * (1.0 - SPAN) * (cold_m - hot_m) - parts[0] * span_m

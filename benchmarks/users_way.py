@@ -4,8 +4,10 @@ second round.
 In the second round ``characterise --follow`` lets the model drive the wire, ``identify`` takes both rounds, and
 ``init`` makes of it what the node drives with.  Nothing comes from the limits and gains in ``config/``: of
 ``config/*_bench.yaml`` only what the wire and its instruments are (:data:`FACTS`) is taken; ``identify`` gets the bench
-file that ``characterise`` leaves.  Logs and models lie in ``out/control_worlds`` and are used again while nothing has
-changed that they depend on; what ``init`` derives is derived each time.
+file that ``characterise`` leaves.  A wire of another diameter (``flexinol_25um``) has a load cell and a sense resistor
+that suit it, and its heat loss is to the alloy's own as still air takes it from both.  Logs and models lie in
+``out/control_worlds`` and are used again while nothing has changed that they depend on; what ``init`` derives is
+derived each time.
 """
 
 from __future__ import annotations
@@ -14,9 +16,11 @@ import contextlib
 import functools
 import hashlib
 import io
+import math
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,15 +28,20 @@ import numpy as np
 
 from sma_actuator.base.share import shared_file
 from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock
+from sma_actuator.bench.bench import Setup
+from sma_actuator.bench.chain import Chain as MeasuringChain
+from sma_actuator.bench.real import wire_of
 from sma_actuator.characterise import PlanOptions, Rig, characterise, make_plan
 from sma_actuator.characterise.operators import BenchOperator
 from sma_actuator.characterise.session import BENCH_FILE
 from sma_actuator.cli.main import main as sma_actuator
 from sma_actuator.config import Config, bench_from_mapping, read_parameter_file, write_parameter_file
+from sma_actuator.derived import still_air_W_m2K
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.logs.bench_log import read_bench_log
 from sma_actuator.logs.experiments import make_experiment
-from sma_actuator.plant.loads import Load, Schedule
+from sma_actuator.plant.loads import Load, Schedule, Spring, Weight
+from sma_actuator.plant.materials import WIRES as SPECIMENS
 
 ROOT = Path(__file__).resolve().parents[1]
 KEPT = ROOT / "out" / "control_worlds"
@@ -53,6 +62,9 @@ SECOND_BY = (*MODELS_BY, "control", "derived")
 #: The stroke that a wire truly has is that between this temperature at its hottest place and the bias current.
 HOT_C = 160.0
 COOL_s, LONGEST_s = 40.0, 60.0
+_FROM_BIAS = 5.0  #: times that current it is heated with at first
+#: Between alloy and diameter in a wire's name, and after it.
+_OF, _um = "_", "um"
 
 
 def digest(rooms: Iterable[str]) -> str:
@@ -73,6 +85,60 @@ def command(*words: object) -> None:
         raise RuntimeError(f"sma-actuator {words[0]}: {said.getvalue()[-2000:]}")
 
 
+def wire_named(alloy: str, diameter_um: float) -> str:
+    """The name of a wire of this diameter; 0: of its own."""
+    return f"{alloy}{_OF}{diameter_um:g}{_um}" if diameter_um else alloy
+
+
+def alloy_of(wire: str) -> str:
+    """A wire's alloy, one of :data:`WIRES`, by its name."""
+    return wire.partition(_OF)[0]
+
+
+def _diameter_m(wire: str) -> float:
+    diameter_um = wire.partition(_OF)[2].removesuffix(_um)
+    return float(f"{diameter_um}e-6") if diameter_um else SPECIMENS[wire].diameter_m
+
+
+def _finer(wire: str) -> float:
+    """How many times thicker the alloy's own is."""
+    return SPECIMENS[alloy_of(wire)].diameter_m / _diameter_m(wire)
+
+
+def scaled(wire: str, load: Load) -> Load:
+    """The load that stresses it as this one does the alloy's own."""
+    area = _finer(wire) ** -2
+    if isinstance(load, Weight):
+        return Weight(area * load.force_N)
+    if isinstance(load, Spring):
+        return Spring(area * load.stiffness_N_m, area * load.preload_N, load.preload_displacement_m)
+    return Schedule([(time_s, scaled(wire, each)) for time_s, each in load.steps])
+
+
+def bench_of(
+    wire: str, physics: str, cycles: float, seed: int, load: Load | None = None, noise: float = 1.0
+) -> VirtualBench:
+    """A bench with the wire as it is after so many cycles; ``noise``: its DAQ's over the usual one's."""
+    diameter_m, finer = _diameter_m(wire), _finer(wire)
+    specimen = wire_of(alloy_of(wire), physics).after(cycles)
+    loses = still_air_W_m2K(diameter_m) / still_air_W_m2K(specimen.diameter_m)
+    specimen = replace(specimen, diameter_m=diameter_m, heat_transfer_W_m2K=loses * specimen.heat_transfer_W_m2K)
+    usual = MeasuringChain()
+    chain = replace(
+        usual,
+        reference_resistance_Ohm=_sense_Ohm(finer),
+        load_cell_slope_N_V=usual.load_cell_slope_N_V / finer**2,
+        load_cell_offset_N=usual.load_cell_offset_N / finer**2,
+        noise_V=tuple(noise * noise_V for noise_V in usual.noise_V),
+    )
+    return VirtualBench(Setup(specimen, chain, load or scaled(wire, Weight(0.98))), seed)
+
+
+def _sense_Ohm(finer: float) -> float:
+    """Of the next decade: a finer wire is driven with less current."""
+    return MeasuringChain().reference_resistance_Ohm * 10.0 ** max(math.ceil(math.log10(finer)), 0)
+
+
 def folder_of(wire: str, physics: str) -> Path:
     """Where the logs and models of a wire lie."""
     return KEPT / digest(LOGS_BY) / f"{physics}_{wire}"
@@ -82,7 +148,12 @@ def facts_of(wire: str, folder: Path) -> Path:
     """What is known of the wire and its bench, as a parameter file."""
     path = folder / "facts.yaml"
     if not path.is_file():
-        mapping = read_parameter_file(shared_file(f"config/{wire}_bench.yaml"))
+        finer = _finer(wire)
+        mapping = read_parameter_file(shared_file(f"config/{alloy_of(wire)}_bench.yaml"))
+        mapping["wire"]["diameter"] = _diameter_m(wire)
+        mapping["circuit"]["reference_resistance"] = _sense_Ohm(finer)
+        for name in ("slope", "offset"):
+            mapping["load_cell"][name] /= finer**2
         folder.mkdir(parents=True, exist_ok=True)
         write_parameter_file(path, {name: mapping[name] for name in FACTS}, "What is known of wire and bench.", {})
     return path
@@ -95,7 +166,7 @@ def logs_of(wire: str, physics: str) -> list[Path]:
         bench_path = _init(facts_of(wire, folder), folder / "bench.yaml")
         cycles = _characterised(wire, physics, bench_path, CHARACTERISED, 1, folder / "logs", 0.0)
         area_m2 = bench_from_mapping(read_parameter_file(bench_path)).wire.area_m2
-        unseen = PlanOptions(loads_N=(round(UNSEEN_Pa * area_m2, 3),), pulses=2, set_points=4, skip=SKIPPED)
+        unseen = PlanOptions(loads_N=(float(f"{UNSEEN_Pa * area_m2:.3g}"),), pulses=2, set_points=4, skip=SKIPPED)
         cycles = _characterised(wire, physics, bench_path, unseen, 2, folder / "unseen", cycles)
         (folder / "complete").write_text(f"{cycles:g}\n", encoding="utf-8")
     return sorted(path for path in (folder / "logs").glob("*.csv") if not path.name.startswith("training"))
@@ -107,7 +178,7 @@ def _characterised(
     """Make the logs of a plan; returns how many cycles the wire has done after it."""
     mapping = read_parameter_file(bench_path)
     config = bench_from_mapping(mapping)
-    bench = VirtualBench.from_name(wire, seed=seed, physics=physics, cycles=cycles)
+    bench = bench_of(wire, physics, cycles, seed)
     rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
     operator = BenchOperator(bench, config.wire.max_stress * config.wire.area_m2)
     characterise(mapping, make_plan(config, options), rig, operator, folder)
@@ -149,7 +220,7 @@ def _model(wire: str, physics: str, model: str) -> Path:
         logs, folder = [*logs, *second_round(wire, physics)], _second(wire, physics)
     path = folder / f"{model}_{digest(MODELS_BY)}.yaml"
     if not path.is_file():
-        name = wire if model == "thesis" else "whole_range"
+        name = alloy_of(wire) if model == "thesis" else "whole_range"
         bench_path = first / "logs" / BENCH_FILE
         command("identify", *logs, "--config", bench_path, "--model", name, "--jobs", 1, "--out", path)
     return path
@@ -208,15 +279,16 @@ def stroke_of(wire: str, physics: str, load: Load) -> tuple[float, float]:
 
 @functools.cache
 def _ends_m(wire: str, physics: str, load: Load) -> tuple[float, float]:
-    bench = VirtualBench.from_name(wire, seed=1, load=load, physics=physics, cycles=cycles_done(wire, physics))
+    bench = bench_of(wire, physics, cycles_done(wire, physics), 1, load)
     bench.supply.set_voltage(20.0)
     bench.supply.set_output(True)
-    current_A = 0.3
+    bias_A = read_parameter_file(folder_of(wire, physics) / "bench.yaml")["supply"]["bias_current"]
+    current_A = _FROM_BIAS * bias_A
     while bench.hottest_C < HOT_C and bench.time_s < LONGEST_s:
         bench.supply.set_current(current_A)
         bench.advance(bench.time_s + 0.25)
         current_A *= 1.02
     hot_m = bench.truth.displacement_m
-    bench.supply.set_current(0.05)
+    bench.supply.set_current(bias_A)
     bench.advance(bench.time_s + COOL_s)
     return hot_m, bench.truth.displacement_m
