@@ -20,7 +20,9 @@ from sma_actuator.logs.experiments import Experiment
 from .stresses import clusters, rounded
 from .training import SINCE_THEN, SINCE_THEN_WITHIN
 
-WINDOW_s, LEAST_READINGS = 1.0, 4  #: averaged; longer where readings are so slow that fewer would be
+#: Averaged; no longer than a thermal time constant, since a quick wire rests no longer than that takes, and longer
+#: where readings are so slow that fewer would be.
+WINDOW_s, LEAST_READINGS = 1.0, 4
 SETTLED = {
     False: 4.0,
     True: 2.0,
@@ -93,11 +95,12 @@ def find_rests(experiment: Experiment, thermal_time_constant_s: float) -> list[R
     ]
     most_A, least_A = np.nanpercentile(current_A, (99.0, 1.0))
     range_A = most_A - least_A
-    window_s = max(WINDOW_s, (LEAST_READINGS + 1) * float(np.median(np.diff(time_s))))  # one may come late
+    least_s = (LEAST_READINGS + 1) * float(np.median(np.diff(time_s)))  # one may come late
+    window_s = max(min(WINDOW_s, thermal_time_constant_s), least_s)
     rests = []
     for turn in np.append(turns, len(time_s)):
         hot = bool(driven[turn - 1])
-        settling_s = max(SETTLED[hot] * thermal_time_constant_s, 2.0 * WINDOW_s, window_s)
+        settling_s = max(SETTLED[hot] * thermal_time_constant_s, 2.0 * window_s)
         begun = int(np.searchsorted(time_s, time_s[turn - 1] - settling_s))
         start = int(np.searchsorted(time_s, time_s[turn - 1] - window_s))
         stood = time_s[turn - 1] - time_s[begun] >= 0.9 * settling_s and (driven[begun:turn] == hot).all()

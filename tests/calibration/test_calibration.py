@@ -158,6 +158,14 @@ class TestRests:
             assert (experiment.driven[here] == rest.hot).all()
             assert np.ptp(experiment.displacement_m[here]) < 0.05 * np.ptp(experiment.displacement_m)
 
+    def test_a_wire_ten_times_as_quick_rests_as_often(self, furukawa):
+        """Its pauses last a second or less, and it is read as much more often."""
+        experiment = self.experiment(furukawa)
+        quick = dataclasses.replace(experiment.signals, time_s=0.1 * experiment.signals.time_s)
+        rests = find_rests(experiment, 1.0)
+        found = find_rests(dataclasses.replace(experiment, signals=quick), 0.1)
+        assert [(r.hot, r.start, r.stop) for r in found] == [(r.hot, r.start, r.stop) for r in rests] != []
+
     def test_a_wire_just_switched_off_is_not_at_rest(self, furukawa):
         """It stands still while it only cools: that is no cold rest."""
         experiment = self.experiment(furukawa)
