@@ -21,6 +21,7 @@ from sma_actuator.diagnosis.trace.witnesses.residual import INTERVAL
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import IdentificationError, identify
 from sma_actuator.identify.fitters.fitting import predict
+from sma_actuator.identify.fitters.whole_range.data import Data
 from sma_actuator.identify.fitters.whole_range.learner import Learner, learn, robust
 from sma_actuator.logs.experiments import begins_anew, make_experiment
 from sma_actuator.logs.kinds import make_experiments
@@ -47,6 +48,20 @@ def unseen():
         pulses = rig.record(square_pulses(2, 0.3, 0.05, 5.0, 10.0))
         partial = rig.record(partial_cycles(list(np.linspace(0.004, 0.001, 4)), 0.3, 0.05, 6.0, 8.0))
     return [pulses, partial]
+
+
+def test_a_wire_ten_times_as_quick_is_learned_from_as_many_readings(whole, unseen):
+    """It is read as much more often, and steps as long as a slow wire's would show nothing of how it moves."""
+    config = Config.from_mapping(whole.mapping)
+    quick = config.replace({"thermal.heat_capacity": 0.1 * config.thermal.heat_capacity})
+    experiments = make_experiments(unseen, config)
+    hurried = [
+        dataclasses.replace(t, signals=dataclasses.replace(t.signals, time_s=0.1 * t.signals.time_s))
+        for t in experiments
+    ]
+    learned, from_quick = Data(experiments, config), Data(hurried, quick)
+    assert len(learned.time) == len(from_quick.time)
+    np.testing.assert_array_equal(from_quick.resistance, learned.resistance)
 
 
 def test_a_model_turned_round_is_not_loaded(whole):
