@@ -163,7 +163,8 @@ def run(case: Case, keep: bool = False) -> Found:
             asked_m = setpoint(elapsed_s)
             driver.offer_setpoint(asked_m)
             here_m = bench.truth.displacement_m  # now: when the reading ends that the estimate is of
-            output = driver.run_for(period_s)
+            end_s = start_s + (len(rows) + 1) * period_s  # the bench counts milliseconds, and every period has one step
+            output = driver.run_for(end_s - bench.time_s)
             hottest_C = max(hottest_C, bench.hottest_C)
             estimate = output.estimate
             values = (asked_m, estimate.displacement_m, here_m, output.command.current_A)
