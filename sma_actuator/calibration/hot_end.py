@@ -22,6 +22,10 @@ STILL_SHARE = (
     0.03  #: of the full stroke, within which of its shortest a wire counts as contracted: it shrinks as it cools
 )
 
+FEWEST = 6  #: readings of a contracted wire
+FORGETS = 5.0  #: thermal time constants in which the balance forgets what latent heat took
+SPANS_K = 5.0  #: temperatures over which resistance shows how it rises
+
 
 def learn(experiments: Sequence[Experiment], config: Config) -> HotEndSection:
     """What the contracted wire showed, and on the way back."""
@@ -55,22 +59,31 @@ def _contracted(experiments: Sequence[Experiment], config: Config) -> dict:
     """Resistance over temperature of the wire that does not move any more: contracted, and cooling after a pulse.
 
     Not while it is heated: the balance leaves latent heat out, so right after the transformation it is hot by what
-    that took, and forgets it in a few time constants.
+    that took, and forgets it in a few time constants.  A quick wire cools in too few readings, and is
+    heated on a ramp: of that count those since it has forgotten.
     """
     still_m = STILL_SHARE * config.wire.full_stroke_m
+    forgets_s = FORGETS * config.thermal.balance.time_constant_s
     rows = []
     for experiment in experiments:
         if experiment.kind != "pulses" or not experiment.constant_load:
             continue
         wire_C, _ = _heat_balance_C(experiment, config.thermal)
         values = np.column_stack((experiment.stress_Pa, experiment.resistance_Ohm, experiment.displacement_m, wire_C))
-        shortest_m = np.nanpercentile(experiment.displacement_m, 0.5)
-        for off in np.flatnonzero(experiment.driven[:-1] & ~experiment.driven[1:]) + 2:
-            moves = np.flatnonzero(~(experiment.displacement_m[off:] < shortest_m + still_m) | experiment.driven[off:])
-            still = values[off : off + moves[0]] if len(moves) else values[off:]
-            still = still[np.isfinite(still).all(axis=1)]
-            if len(still) > 5:
-                rows.append(still[: max(int(np.argmin(still[:, 1])), 5)])  # from there on another phase comes
+        time_s, shortest_m = experiment.signals.time_s, np.nanpercentile(experiment.displacement_m, 0.5)
+        good = np.isfinite(values).all(axis=1)
+        contracted = experiment.displacement_m < shortest_m + still_m
+        cools, heated = contracted & ~experiment.driven, contracted & experiment.driven
+        for off in np.flatnonzero(experiment.driven[:-1] & ~experiment.driven[1:]) + 1:
+            cooling = slice(off + 1, off + 1 + _how_many(cools[off + 1 :]))
+            still = values[cooling][good[cooling]]
+            if len(still) >= FEWEST:
+                rows.append(still[: max(int(np.argmin(still[:, 1])), FEWEST - 1)])  # then another phase comes
+                continue
+            hot = slice(off - _how_many(heated[:off][::-1]), off)
+            still = values[hot][good[hot] & (time_s[hot] > time_s[hot.start] + forgets_s)]
+            if len(still) >= FEWEST and np.ptp(still[:, 3]) >= SPANS_K:
+                rows.append(still)
     if not rows:
         return {}
     x, y = (np.concatenate([r[:, k] - r[:, k].mean() for r in rows]) for k in (3, 1))
@@ -88,6 +101,11 @@ def _contracted(experiments: Sequence[Experiment], config: Config) -> dict:
         "contracted_temperature": round(reference_C, 2),
         "contracted_slope": slope_Ohm_K,
     }
+
+
+def _how_many(flags: np.ndarray) -> int:
+    """So many are true at the beginning."""
+    return len(flags) if flags.all() else int(np.argmin(flags))
 
 
 def _heat_balance_C(experiment: Experiment, thermal: ThermalParameters) -> tuple[np.ndarray, np.ndarray]:

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sma_actuator.base.calibration import through
-from sma_actuator.calibration import calibration_of
+from sma_actuator.calibration import calibration_of, hot_end
 from sma_actuator.calibration.expectation import Expectation, always_so_m, correlation_time_s, learn
 from sma_actuator.calibration.interval import expected_residual_m
 from sma_actuator.calibration.rest import WINDOW_s, find_rests
@@ -119,6 +119,20 @@ def test_a_contracted_wire_that_still_grows_warmer_counts_as_it_would_be_in_the_
     assert abs(further_Ohm[1]) < 0.005 < 0.02 < settled_Ohm - is_Ohm[0]  # what a lead would look like
     off_Ohm = abs(is_Ohm[0] + further_Ohm[0] - settled_Ohm)
     assert off_Ohm < settled_Ohm - is_Ohm[0] and off_Ohm < 0.5 * further_Ohm[0]
+
+
+def test_a_wire_that_cools_in_few_readings_is_seen_contracted_while_it_is_ramped(identified):
+    """As one of 25 µm is, a hundred times a second.  Its resistance is that of the same wire where it cools."""
+    config = Config.from_mapping(identified[1].mapping)
+    _, rig, _ = virtual_rig("flexinol", seed=3, load=Weight(0.98))
+    with rig.opened():
+        log = rig.record(square_pulses(2, 0.38, 0.05, 5.0, 12.0, ramp_s=60.0))
+    slow = dataclasses.replace(log, columns={name: column[::6] for name, column in log.columns.items()})
+    cooling, ramped = (hot_end.learn(make_experiments([each], config), config) for each in (log, slow))
+    (cooling_Ohm,), (ramped_Ohm,) = cooling.contracted_resistance, ramped.contracted_resistance
+    warmer_K = ramped.contracted_temperature - cooling.contracted_temperature
+    assert abs(warmer_K) > 5.0
+    assert ramped_Ohm - cooling_Ohm == pytest.approx(ramped.contracted_slope * warmer_K, abs=0.01)
 
 
 def test_two_light_weights_are_two_stresses():
