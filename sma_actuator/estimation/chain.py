@@ -177,7 +177,7 @@ class Chain:
     A sample that is not finite, or whose resistance no wire of this circuit can have
     (``safety.resistance_min``, ``resistance_max``), goes no further than ``measured``: no later stage
     sees it, the last good displacement comes back, marked INVALID.  The first good sample starts the
-    model on its cooling curve, which is where a wire at rest is.
+    model on its cooling curve, which is where a wire at rest is; as cold as around it, where no current flowed before.
 
     Beyond the working range, where R moves with temperature and δ hardly at all, the model goes on
     and the quality says so (INDETERMINATE_COLD, INDETERMINATE_HOT): an estimate that stood still
@@ -248,6 +248,7 @@ class Chain:
     def begin_session(self) -> None:
         """Forget everything: the next sample is the first of a session."""
         self._start_s = nan
+        self._undriven = False  #: at the last sample
         for _, state in self._effects:
             state[:] = nan
         self.reset()
@@ -278,7 +279,7 @@ class Chain:
         resistance_Ohm, stress_Pa, power_W = signals.resistance_Ohm, signals.stress_Pa, signals.power_W
         lowest_Ohm, highest_Ohm = self._resistances_Ohm
         if not (lowest_Ohm <= resistance_Ohm <= highest_Ohm and isfinite(signals.time_s + stress_Pa + power_W)):
-            last = self._last
+            last, self._undriven = self._last, isnan(power_W) and isfinite(signals.current_A)
             self._last = Estimate(
                 signals.time_s, last.displacement_m, last.strain, 0.0, last.branch, Quality.INVALID, last.uncertainty_m
             )
@@ -289,6 +290,7 @@ class Chain:
             resistance_Ohm, heat_W = float(frame.resistance_Ohm[0]), float(frame.power_W[0])
         if not self._started:
             self._start(signals.time_s, resistance_Ohm, stress_Pa, power_W)
+        self._undriven = False
         heating = self._branch.step(signals.time_s, resistance_Ohm, power_W)
         displacement_m, uncertainty_m, seen = self._observe(signals, resistance_Ohm, heating, heat_W)
         hot_end = self._hot_end
@@ -361,10 +363,14 @@ class Chain:
         if judged:
             out["elapsed_s"] = np.asarray(signals.time_s) - self._start_s
             out["shown_m"] = np.full(n, nan)
+        undriven = np.broadcast_to(np.isnan(signals.power_W) & np.isfinite(signals.current_A), n)
         if good.any():
+            first = int(np.argmax(good))
+            self._undriven = bool(undriven[first - 1]) if first else self._undriven
             self._run_good(signals, frame, good, out)
         out["strain"] = out["displacement_m"] / self._length_m
         if n:
+            self._undriven = bool(undriven[-1])
             self._last = Estimate(
                 float(signals.time_s[-1]),
                 float(out["displacement_m"][-1]),
@@ -492,6 +498,6 @@ class Chain:
         if self._thermal is None:
             self._model.reset(resistance_Ohm, self._in_reach(stress_Pa))
         else:
-            self._thermal.reset()
+            self._thermal.reset(0.0 if self._undriven else nan)
         self._branch.reset(time_s, resistance_Ohm, power_W)
         self._started = True

@@ -13,7 +13,7 @@ from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import Quality, Signals
 from sma_actuator.calibration.learning import calibration_of
 from sma_actuator.calibration.rest import SPREAD
-from sma_actuator.characterise.programs import partial_cycles, square_pulses
+from sma_actuator.characterise.programs import hold, partial_cycles, square_pulses
 from sma_actuator.config import Config
 from sma_actuator.diagnosis.trace import Evidence
 from sma_actuator.diagnosis.trace.hypotheses import Rows
@@ -23,6 +23,7 @@ from sma_actuator.identify import IdentificationError, identify
 from sma_actuator.identify.fitters.fitting import predict
 from sma_actuator.identify.fitters.whole_range.data import Data
 from sma_actuator.identify.fitters.whole_range.learner import Learner, learn, robust
+from sma_actuator.logs.bench_log import signals_from_log
 from sma_actuator.logs.experiments import begins_anew, make_experiment
 from sma_actuator.logs.kinds import make_experiments
 from sma_actuator.plant.loads import Weight
@@ -64,6 +65,30 @@ def test_a_wire_ten_times_as_quick_is_learned_from_as_many_readings(whole, unsee
     np.testing.assert_array_equal(from_quick.resistance, learned.resistance)
 
 
+def unpowered_then_hot():
+    """As good as no current, then much."""
+    yield from hold(1e-3, 1.0)
+    yield from hold(0.3, 2.0)
+
+
+def test_a_wire_that_no_current_has_warmed_begins_as_cold_as_around_it(whole):
+    """Heated at once it is not taken for one that the current has held hot for long; live as in replay."""
+    config = Config.from_mapping(whole.mapping)
+    _, rig, _ = virtual_rig("flexinol", seed=5, load=Weight(0.98))
+    with rig.opened():
+        log = rig.record(unpowered_then_hot())
+    signals = signals_from_log(log, config)
+    driven = np.isfinite(signals.resistance_Ohm)
+    assert not driven[:10].any() and driven[-30:].all()
+    found, alone = Chain(config).run(signals), Chain(config).run(rows(signals, driven))
+    true_m = signals.reference_displacement_m[driven]
+    off_m, alone_off_m = np.abs(found.displacement_m[driven] - true_m), np.abs(alone.displacement_m - true_m)
+    assert off_m.mean() < 0.3 * alone_off_m.mean() and off_m.mean() < 0.03 * config.wire.full_stroke_m
+    chain = Chain(config)
+    live_m = [chain.step(sample(signals, i))[1].displacement_m for i in range(len(driven))]
+    np.testing.assert_allclose(np.array(live_m)[driven], found.displacement_m[driven], rtol=1e-9)
+
+
 def test_a_model_turned_round_is_not_loaded(whole):
     mapping = {**whole.mapping, "model": {**whole.mapping["model"]}}
     mapping["model"]["curve"] = [-value for value in mapping["model"]["curve"]]
@@ -80,7 +105,7 @@ def sample(signals: Signals, i: int) -> Signals:
     )
 
 
-def rows(signals: Signals, chosen: slice) -> Signals:
+def rows(signals: Signals, chosen: slice | np.ndarray) -> Signals:
     """Some samples of many."""
     return Signals(
         **{f.name: v[chosen] if np.ndim(v := getattr(signals, f.name)) else v for f in dataclasses.fields(signals)}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import nan
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -51,8 +52,8 @@ class ThermalStrainModel(Protocol):
     displacement_range_m: tuple[float, float]  #: where the wire can be driven to, whatever hangs on it
     stroke_m: tuple[float, float]  #: the stroke it was fitted on, both ends included
 
-    def reset(self) -> None:
-        """Forget the past: the next sample is that of a wire at rest, in balance with its power."""
+    def reset(self, power_W: float = nan) -> None:
+        """Forget the past: the next sample is that of a wire at rest, in balance with this power; NaN: with its own."""
 
     def observe(
         self, time_s: float, resistance_Ohm: float, stress_Pa: float, heating: bool, power_W: float, ambient_C: float

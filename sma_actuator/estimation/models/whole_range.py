@@ -360,11 +360,11 @@ def advance(
     """One sample: δ [m], half of its 95 % interval [m] and the share of the residual, into ``out`` (3,)."""
     if state[_TIME] != state[_TIME]:  # NaN
         # At rest: the place that agrees with the temperature that is made of it.
-        share = 1.0
+        share, rested = 1.0, state[_HEAT] if state[_HEAT] == state[_HEAT] else power
         for _ in range(_START_PASSES):
             at_rest(
                 time=time,
-                power=power,
+                power=rested,
                 ambient=ambient,
                 resistance=resistance,
                 share=share,
@@ -375,7 +375,7 @@ def advance(
             _estimate(heating, n, out)
             share = share_of_stroke(out[0], stress, n.ends)
         at_rest(
-            time=time, power=power, ambient=ambient, resistance=resistance, share=share, thermal=n.thermal, state=state
+            time=time, power=rested, ambient=ambient, resistance=resistance, share=share, thermal=n.thermal, state=state
         )
     _see(time=time, power=power, ambient=ambient, resistance=resistance, stress=stress, state=state, n=n)
     _estimate(heating, n, out)
@@ -445,9 +445,10 @@ class WholeRangeModel:
         self._out = np.zeros(3)
         self.reset()
 
-    def reset(self) -> None:
-        """Forget the past: the next sample is that of a wire at rest, in balance with its power."""
+    def reset(self, power_W: float = nan) -> None:
+        """Forget the past: the next sample is that of a wire at rest, in balance with this power; NaN: with its own."""
         self._state[:] = nan
+        self._state[_HEAT] = power_W  # until the next sample
 
     def doubt(self, displacement_m: np.ndarray) -> np.ndarray:
         """How wide the interval of an estimate is at a place, on the branch where it is wider, over the learners'
