@@ -14,7 +14,7 @@ from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.sections import Wire
 from sma_actuator.config import require_sense_resistor
 
-from .programs import every_ordered_pair
+from .programs import FROM_COLD, every_ordered_pair
 
 GRAVITY_m_s2 = 9.80665
 STRESSES_Pa = (
@@ -205,7 +205,7 @@ def _second_round(config, options: PlanOptions) -> list[Part]:
                 "dwell_s": dwell_s,
                 "period_s": period_s,
             },
-            dwell_s * POSITIONS + 4.0 * period_s,
+            dwell_s * (POSITIONS + math.ceil(POSITIONS / FROM_COLD)) + 4.0 * period_s,
         )
         for number, (label, load) in enumerate(loads)
     ]

@@ -11,10 +11,11 @@ from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.share import shared_file
 from sma_actuator.characterise import PlanOptions, characterise, make_plan
 from sma_actuator.characterise.parts import positions_m
-from sma_actuator.characterise.plan import followed_shares
+from sma_actuator.characterise.plan import POSITIONS, followed_shares
+from sma_actuator.characterise.programs import FROM_COLD
 from sma_actuator.config import Config, bench_from_mapping, read_parameter_file, write_parameter_file
 from sma_actuator.derived import derived, with_derived, without_derived
-from sma_actuator.logs.bench_log import read_bench_log
+from sma_actuator.logs.bench_log import read_bench_log, signals_from_log
 from sma_actuator.logs.kinds import PARTIAL, make_experiments
 
 NODE = shared_file("config/flexinol.yaml")
@@ -42,6 +43,17 @@ def test_the_model_drives_the_wire_to_positions_over_its_stroke(log):
     off = np.abs(place_m - asked_m)[np.isfinite(asked_m)] / config.wire.full_stroke_m
     assert np.median(off) < 0.04  # the thesis's model does not err by more
     assert len(np.unique(asked_m[np.isfinite(asked_m)].round(7))) > 100  # positions, and a sine and a triangle
+
+
+def test_some_positions_are_come_to_from_the_cold_wire(log):
+    """As the first after every `enable` is."""
+    asked_m = log["setpoint_m"][np.isfinite(log["setpoint_m"])]
+    held_m = [asked_m[0], *asked_m[1:][np.diff(asked_m) != 0.0]][: POSITIONS + POSITIONS // FROM_COLD]
+    cold = np.array(held_m) == max(asked_m)
+    assert np.flatnonzero(cold).tolist() == [0, 5, 10]
+    place_m = signals_from_log(log, Config.load(NODE)).reference_displacement_m
+    before = np.flatnonzero(np.diff(asked_m) < 0.0)[:1]
+    assert place_m[before] > max(asked_m) - 0.05 * np.ptp(asked_m), "and it is cold by then"
 
 
 def test_it_is_fitted_whole_since_each_motion_stands_on_those_before_it(log):
