@@ -215,9 +215,9 @@ def summary(rows: Sequence[Judged]) -> list[str]:
             f"(steps: beyond full current or none): {share(lambda r: r[1].output - r[2] < AIM * r[0].thesis, runs)}"
         ),
         (
-            f"positions reached and held: {np.nanmean([f.there for f in steps]):.1%}, the worst run "
-            f"{np.nanmin([f.there for f in steps]):.0%}; followed for {np.nanmean([f.there for f in moving]):.1%} of "
-            f"the time, the worst run {np.nanmin([f.there for f in moving]):.0%}"
+            f"positions reached and held: {_over(np.nanmean, 'there', steps):.1%}, the worst run "
+            f"{_over(np.nanmin, 'there', steps):.0%}; followed for {_over(np.nanmean, 'there', moving):.1%} of "
+            f"the time, the worst run {_over(np.nanmin, 'there', moving):.0%}"
         ),
         (
             f"runs with a false limit: {share(lambda f: f.false_s > 0.0, found)}; ended by a fault: "
@@ -225,9 +225,9 @@ def summary(rows: Sequence[Judged]) -> list[str]:
         ),
         (
             f"unrest at most 2 % of max_current: held {share(lambda f: f.unrest <= 2.0, steps)}, moving "
-            f"{share(lambda f: f.unrest <= 2.0, moving)}; median {np.nanmedian([f.unrest for f in steps]):.2f} and "
-            f"{np.nanmedian([f.unrest for f in moving]):.2f}, worst {np.nanmax([f.unrest for f in steps]):.1f} and "
-            f"{np.nanmax([f.unrest for f in moving]):.1f}"
+            f"{share(lambda f: f.unrest <= 2.0, moving)}; median {_over(np.nanmedian, 'unrest', steps):.2f} and "
+            f"{_over(np.nanmedian, 'unrest', moving):.2f}, worst {_over(np.nanmax, 'unrest', steps):.1f} and "
+            f"{_over(np.nanmax, 'unrest', moving):.1f}"
         ),
         (
             f"hottest place of a wire {max(f.hottest_C for f in found):.0f} °C; covered by the 95 % intervals "
@@ -236,9 +236,14 @@ def summary(rows: Sequence[Judged]) -> list[str]:
         (
             f"model in the loop {np.mean([f.model for f in found]):.2f} %, {np.median(ratios):.2f} times replay's in "
             f"the median, at most {max(ratios):.1f} times; held positions off by "
-            f"{np.nanmean([f.held for f in steps]):.2f} %, {share(lambda f: f.held <= 0.7, steps)} within 0.7 %"
+            f"{_over(np.nanmean, 'held', steps):.2f} %, {share(lambda f: f.held <= 0.7, steps)} within 0.7 %"
         ),
     ]
+
+
+def _over(function: Callable[[Any], Any], name: str, of: Sequence[Found]) -> float:
+    """Of some runs; NaN where there are none."""
+    return float(function([getattr(found, name) for found in of])) if of else np.nan
 
 
 def _physics(name: str) -> str:
