@@ -115,8 +115,11 @@ def _what_to_do(page: Page, report: dict[str, Any]) -> None:
         return
     page.heading("What it means, and what to do")
     page.table(
-        ("effect", "what is the matter", "where", "what to do"),
-        [(_words([e["name"]]), e["what"], e["stage"], e["remedy"]) for e in report["effects"]],
+        ("effect", "probability", "what is the matter", "where", "what to do"),
+        [
+            (_words([e["name"]]), f"{e['probability']:.0%}", e["what"], e["stage"], e["remedy"])
+            for e in report["effects"]
+        ],
     )
 
 
@@ -171,17 +174,13 @@ def _probable(page: Page, report: dict[str, Any]) -> None:
     page.heading("How probable each is")
     drawing, axes = figure(1, 1, width_in=8.0, height_in=0.8 + 0.4 * len(likely))
     ax = axes[0, 0]
-    given = "tab:orange" if report["verdict"] == "unexplained" else "tab:green"
+    given = report["verdict"] == "none" or {*likely[0]["hypothesis"]} <= {*report["names"]}
     for number, one in enumerate(reversed(likely)):
-        best = number == len(likely) - 1
-        ax.barh(
-            _words(one["hypothesis"]),
-            one["probability"],
-            color=given if best else "0.7",
-        )
+        color = "tab:green" if given else "tab:orange"
+        ax.barh(_words(one["hypothesis"]), one["probability"], color=color if one is likely[0] else "0.7")
         ax.text(one["probability"], number, f" {one['probability']:.0%}", va="center")
     ax.set(xlabel="probability", xlim=(0.0, 1.1))
-    caption = "orange: the most probable, and not given" if report["verdict"] == "unexplained" else "green: given"
+    caption = "green: given" if given else "orange: the most probable, and not given, or not all of it"
     page.figure(drawing, f"Of all that may have happened, by what the logs say; {caption}.")
 
 

@@ -37,16 +37,17 @@ class Probabilities:
 
     @property
     def verdict(self) -> tuple[str, list[str]]:
-        """None, traced or unexplained; and the smallest set of names among which what has happened is probably
-        enough."""
+        """None, traced or unexplained; and the names that are given: the smallest set among which all that has happened
+        is probably enough, or where there is none, those of the most probable hypothesis that are so by themselves."""
         if self.best == (NOTHING,):
             return "none", []
-        of_best = [name for name in self.by_name if name in self.best]
-        names = of_best + [n for n in self.by_name if n not in (*self.best, *NO_NAMES)]
-        for number in range(len(of_best), MOST_NAMES + 1):
-            if self.best != (SOMETHING_ELSE,) and self.within(names[:number]) >= LIMITS.enough:
-                return "traced", names[:number]
-        return "unexplained", []
+        likely = [name for name in self.by_name if name not in NO_NAMES]
+        of_best = [name for name in likely if name in self.best]
+        names = of_best + [name for name in likely if name not in of_best]
+        sets = [names[:number] for number in range(len(of_best), MOST_NAMES + 1) if of_best]
+        certain = [name for name in of_best if self.by_name[name] >= LIMITS.enough]
+        given = next((some for some in sets if self.within(some) >= LIMITS.enough), certain)
+        return ("traced", given) if given else ("unexplained", [])
 
     def within(self, names: Sequence[str]) -> float:
         """Probability that as many of some names are there as the most probable hypothesis has, or all that are."""

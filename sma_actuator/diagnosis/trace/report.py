@@ -104,7 +104,7 @@ def explained(report: dict[str, Any], names: Sequence[str]) -> list[dict[str, An
 
 def sentence(tracing: Tracing, depends: dict[str, float], alternatives: Sequence[dict[str, Any]]) -> str:
     """The verdict as a colleague would say it: what it is, how sure that is, what to do next."""
-    of, names = tracing.probabilities.of, list(tracing.fit.names) if tracing.fit else []
+    of, names = tracing.probabilities.of, _likeliest_first(tracing)
     nothing = of.get((NOTHING,), 0.0)
     if tracing.verdict == "none":
         return (
@@ -180,13 +180,25 @@ NEXT = {
 }
 
 
+def _likeliest_first(tracing: Tracing) -> list[str]:
+    """Names of what was fitted in the end, the most probable first."""
+    fitted = tracing.fit.names if tracing.fit else ()
+    return [name for name in tracing.probabilities.by_name if name in fitted]
+
+
 def _said(tracing: Tracing, names: Sequence[str], alternatives: Sequence[dict[str, Any]]) -> str:
     before, after = (float(tracing.news_percent[w].mean()) for w in ("before", "after"))
-    what = "; and ".join(f"{EFFECTS[n].WORDS} ({n})" for n in names)
-    text = (
-        f"{what[0].upper()}{what[1:]}: that explains {max(1.0 - after / before, 0.0):.0%} of what is unusual in "
-        f"these logs"
-    )
+    share = f"{max(1.0 - after / before, 0.0):.0%} of what is unusual in these logs"
+    beside, by_name = tracing.beside, tracing.probabilities.by_name
+    certain = [n for n in names if n not in beside]
+    what = "; and ".join(f"{EFFECTS[n].WORDS} ({n})" for n in certain)
+    text = f"{what[0].upper()}{what[1:]}"
+    if beside:
+        perhaps = ", ".join(f"{n} {by_name[n]:.0%}" for n in beside)
+        text += f", and something beside that: {perhaps}. With {_listed([n for n in names if n in beside])} it explains"
+        text += f" {share}"
+    else:
+        text += f": that explains {share}"
     after_it = tracing.witnesses["after"]
     mended = [n for n, off in tracing.witnesses["before"].items() if off > USUAL and after_it.get(n, off) <= USUAL]
     text += (
@@ -196,13 +208,13 @@ def _said(tracing: Tracing, names: Sequence[str], alternatives: Sequence[dict[st
     )
     still = [f"{name} ({off:.1f} standard deviations)" for name, off in after_it.items() if off > USUAL]
     text += f" Still off with it: {_listed(still)}." if still else ""
-    alone = "this alone" if len(names) == 1 else "these together"
-    text += f" That it is {alone} has a probability of {tracing.probabilities.of[tracing.probabilities.best]:.0%}"
-    text += (
-        "."
-        if not alternatives
-        else f"; that it is among {_listed(tracing.names)}, {tracing.probabilities.within(tracing.names):.0%}."
-    )
+    if beside:
+        text += f" That it has happened has a probability of {min(by_name[n] for n in certain):.0%}."
+    else:
+        alone = "this alone" if len(names) == 1 else "these together"
+        text += f" That it is {alone} has a probability of {tracing.probabilities.of[tracing.probabilities.best]:.0%}"
+        among = f"; that it is among {_listed(tracing.names)}, {tracing.probabilities.within(tracing.names):.0%}"
+        text += f"{among if alternatives else ''}."
     if alternatives:
         text += " To tell: " + "; or ".join(dict.fromkeys(a["experiment"]["what"] for a in alternatives)) + "."
     parts = dict.fromkeys(EFFECTS[n].PART for n in names)
@@ -236,7 +248,7 @@ def _effects(tracing: Tracing) -> list[dict[str, Any]]:
     found = tracing.fit
     shares = _shares(tracing)
     out = []
-    for name in found.names:
+    for name in _likeliest_first(tracing):
         declared = {f.name: declaration_of(f) for f in dataclasses.fields(EFFECTS[name])}  # type: ignore[arg-type]
         out.append(
             {
@@ -278,7 +290,7 @@ def _shares(tracing: Tracing) -> dict[str, float]:
 
 
 def _alternatives(evidence: Evidence, tracing: Tracing) -> list[dict[str, Any]]:
-    """The other names of the set, and the experiment that would tell each from what is most probable."""
+    """The other names that it may be, and the experiment that would tell each from what is most probable."""
     if tracing.verdict != "traced":
         return []
     out = []

@@ -17,7 +17,7 @@ from .evidence import Evidence
 from .fitting import Fit, fit_of
 from .hypotheses import Hypothesis, Progress, Rows, fitted, pairs
 from .limits import LIMITS
-from .probability import NO_NAMES, Probabilities, weighed
+from .probability import MOST_NAMES, NO_NAMES, Probabilities, weighed
 from .witnesses import Prediction
 
 MOST_MISSING = 3  #: effects that a model may lack from its beginning; many together imitate anything
@@ -29,7 +29,7 @@ class Tracing:
 
     evidence: Evidence  #: the logs, as they were held against what is usual in the end
     verdict: str  #: none, traced or unexplained
-    names: list[str]  #: the smallest set of names among which what has happened is probably enough, where traced
+    names: list[str]  #: that are given, where traced (:attr:`Probabilities.verdict`)
     probabilities: Probabilities
     hypotheses: dict[tuple[str, ...], Hypothesis]  #: by their names
     fit: Fit | None  #: of the most probable effects, whether they are given or not
@@ -54,11 +54,19 @@ class Tracing:
         return next(self.hypotheses[n] for n in self.probabilities.of if self.hypotheses[n].found)
 
     @property
+    def beside(self) -> list[str]:
+        """Names of which some have probably happened beside those that are given, the most probable first."""
+        if {*self.probabilities.best} <= {*self.names} or not self.names:
+            return []
+        others = [n for n in self.probabilities.by_name if n not in (*self.names, *NO_NAMES)]
+        return others[: MOST_NAMES - len(self.names)]
+
+    @property
     def alternatives(self) -> dict[str, Hypothesis]:
-        """Of each name of the set that is not the most probable hypothesis's, the most probable one that was fitted and
-        has it."""
+        """Of each name that is given, or is probable beside those, and is not the most probable hypothesis's, the most
+        probable one that was fitted and has it."""
         out = {}
-        for name in self.names:
+        for name in (*self.names, *self.beside):
             if name not in self.probabilities.best:
                 fitted = (self.hypotheses[n] for n in self.probabilities.of if name in n and self.hypotheses[n].found)
                 out[name] = next(fitted)

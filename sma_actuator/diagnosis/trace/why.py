@@ -89,14 +89,14 @@ def _answer(
     if one.names == best:
         rest = 1.0 - probability
         others = f"; all others together have {rest:.1%}." if rest >= LEAST else "; nothing else comes near."
-        given = tracing.verdict != "unexplained" or one.found is None
+        given = one.found is None or {*one.names} <= {*tracing.names}
         return (GIVEN if given else REFUSED), is_said + others
     beside = f"beside {' and '.join(best)} it is {_times(nats)} less probable"
     if one.why_none:
         return REFUSED, f"It is none: {one.why_none} ({beside} without that)."
     against = sorted((n for n in by_witness if by_witness[n] < -LEAST_NATS), key=lambda n: by_witness[n])
     speaks = "".join(f"; {n} speaks against it with {-by_witness[n]:.1f} nats" for n in against[:2])
-    if tracing.verdict == "traced" and one.names[-1] in tracing.names and one.names[-1] not in best:
+    if one.names[-1] in tracing.alternatives:
         return ALTERNATIVE, f"{is_said}: these logs hardly tell the two apart; {beside}{speaks}."
     rows = sum(by_witness.values())
     freedom = "" if against else f"; the logs say {abs(rows):.1f} nats {'for' if rows > 0 else 'against'} it, it could "

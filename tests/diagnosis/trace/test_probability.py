@@ -55,10 +55,24 @@ def test_a_name_is_as_probable_as_all_hypotheses_that_have_it():
         (of(**{"else": 0.4}, slip=0.3, creep=0.3), ("unexplained", [])),
         (of(creep=0.25, slip=0.25, rate=0.25, fatigue=0.25), ("unexplained", [])),
         (of(creep=0.8, creep_slip=0.05, creep_rate=0.05, creep_fatigue=0.1), ("traced", ["creep"])),
+        (of(slip_creep=0.5, creep_rate=0.3, creep=0.05, nothing=0.15), ("unexplained", [])),
+        (of(slip_creep=0.45, creep_rate=0.3, creep_fatigue=0.2, nothing=0.05), ("traced", ["creep"])),
+        (of(slip_creep=0.5, creep_rate=0.45, nothing=0.05), ("traced", ["creep", "rate", "slip"])),
     ],
-    ids=["one", "a set", "a pair", "nothing", "something else", "too many", "one with whatever else"],
+    ids=[
+        "one",
+        "a set",
+        "a pair",
+        "nothing",
+        "something else",
+        "too many",
+        "one with whatever else",
+        "none for certain",
+        "one for certain, and something beside it",
+        "one for certain, and one of two beside it",
+    ],
 )
-def test_the_smallest_set_that_is_probable_enough_is_given(said, verdict):
+def test_the_smallest_set_is_given_or_what_is_certain_by_itself(said, verdict):
     names = said.verdict
     assert (names[0], sorted(names[1])) == (verdict[0], sorted(verdict[1]))
     assert len(names[1]) <= MOST_NAMES

@@ -20,7 +20,7 @@ from sma_actuator.diagnosis.trace.candidates import candidate, scales_of, untest
 from sma_actuator.diagnosis.trace.covariance import FORMS, NEARLY
 from sma_actuator.diagnosis.trace.evidence import limited
 from sma_actuator.diagnosis.trace.experiments import best_experiment
-from sma_actuator.diagnosis.trace.fitting import fit
+from sma_actuator.diagnosis.trace.fitting import fit, fit_of
 from sma_actuator.diagnosis.trace.following import Where, smooth
 from sma_actuator.diagnosis.trace.hypotheses import NOTHING, SOMETHING_ELSE, Hypothesis, Rows, pairs
 from sma_actuator.diagnosis.trace.likeliest import likeliest
@@ -471,6 +471,7 @@ def test_the_sentence_says_what_to_do_and_what_the_model_does_once(names, end):
         names=[*names, other],
         probabilities=shares,
         fit=SimpleNamespace(names=names),
+        beside=[],
         news_percent={"before": np.array([3.0]), "after": np.array([0.6])},
         witnesses={"before": {}, "after": {}},
     )
@@ -568,6 +569,30 @@ def test_of_every_candidate_it_is_said_why_it_was_given_or_not(a_lead):
         if why.answer == "refused":  # with numbers beside what was given
             assert f"beside {' and '.join(found.fit.names)} it is " in why.reason, names
             assert why.probability == found.probabilities.of[names] < found.probabilities.of[given[0]]
+
+
+def test_what_is_certain_is_said_though_what_is_beside_it_is_not(a_lead):
+    evidence, found = a_lead
+    rows, scales = Rows(evidence), scales_of(evidence)
+    two = [rows.effects([candidate(n, scales) for n in ("lead_resistance", other)]) for other in ("slip", "creep")]
+    said = Probabilities({two[0].names: 0.5, two[1].names: 0.25, ("lead_resistance", "rate"): 0.25})
+    verdict, names = said.verdict
+    assert (verdict, names) == ("traced", ["lead_resistance"])
+    found = dataclasses.replace(
+        found,
+        names=names,
+        probabilities=said,
+        hypotheses={**found.hypotheses, **{one.names: one for one in two}},
+        fit=fit_of(evidence, two[0].fitted, rows.usual),
+    )
+    assert found.beside == ["slip", "creep"] and list(found.alternatives) == ["creep"]
+    report = summary(evidence, found)
+    assert ", and something beside that: slip 50%, creep 25%. With slip it explains " in report["sentence"]
+    assert "That it has happened has a probability of 100%." in report["sentence"]
+    assert [e["name"] for e in report["effects"]] == ["lead_resistance", "slip"]
+    assert [(a["name"], a["instead_of"]) for a in report["alternatives"]] == [("creep", "slip")]
+    answers = {why.names: why.answer for why in whys(evidence, found) if why.names in found.probabilities.of}
+    assert (answers[two[0].names], answers[two[1].names]) == ("refused", "alternative")
 
 
 def test_of_a_name_that_was_refused_it_is_said_which_witness_speaks_against_it(a_lead):

@@ -8,9 +8,16 @@ from sma_actuator.report import Page
 
 
 @pytest.mark.parametrize(
-    ("verdict", "color"), [("traced", "tab:green"), ("none", "tab:green"), ("unexplained", "tab:orange")]
+    ("verdict", "names", "color"),
+    [
+        ("traced", ["rate", "creep"], "tab:green"),
+        ("traced", ["creep"], "tab:orange"),
+        ("none", [], "tab:green"),
+        ("unexplained", [], "tab:orange"),
+    ],
+    ids=["traced", "one of two", "none", "unexplained"],
 )
-def test_the_most_probable_is_green_only_where_it_was_given(verdict, color, monkeypatch):
+def test_the_most_probable_is_green_only_where_it_was_given(verdict, names, color, monkeypatch):
     drawn = []
 
     def kept(*arguments, **options):
@@ -19,10 +26,11 @@ def test_the_most_probable_is_green_only_where_it_was_given(verdict, color, monk
 
     pages_figure = pages.figure
     monkeypatch.setattr(pages, "figure", kept)
-    said = [("creep", 0.7), ("slip", 0.29), ("rate", 0.01)]
+    said = [(["creep", "rate"], 0.7), (["slip"], 0.29), (["rate"], 0.01)]
     report = {
         "verdict": verdict,
-        "probabilities": [{"hypothesis": [name], "probability": share} for name, share in said],
+        "names": names,
+        "probabilities": [{"hypothesis": hypothesis, "probability": share} for hypothesis, share in said],
     }
     page = Page("What the model lacks", "…")
     pages._probable(page, report)
@@ -31,4 +39,4 @@ def test_the_most_probable_is_green_only_where_it_was_given(verdict, color, monk
     assert labels == ["29%", "70%"]  # what is hardly probable is not drawn
     assert [bar.get_facecolor() for bar in bars] == [to_rgba("0.7"), to_rgba(color)]
     (caption,) = [part["caption"] for part in page.parts if part["kind"] == "figure"]
-    assert caption.endswith("not given." if verdict == "unexplained" else "green: given.")
+    assert caption.endswith("not given, or not all of it." if color == "tab:orange" else "green: given.")
