@@ -23,9 +23,10 @@ from .evidence import Evidence
 from .limits import LIMITS
 from .witnesses import WITNESSES, Prediction
 
-#: Of what an effect moves, smoothly over the place: how far off its form may be, each as likely …
+#: Of what an effect moves, smoothly over any one thing that errors may go with: how far off its form may be, each as
+#: likely …
 FORMS = (0.0, 0.05, 0.1)
-#: … and, smoothly over any one thing that errors may go with, that of something else that only looks like it.
+#: … and that of something else that only looks like it.
 NEARLY = (0.2, 0.5, 1.0)
 PLACE = "place"  #: of the wire, and by which branch it came there
 KNOTS = 6  #: of the hat functions over each quantity, at its quantiles
@@ -102,7 +103,7 @@ class SmoothErrors:
         out[len(of_samples) :, of_samples.shape[1] :] = of_others
         return out * self._weight[:, None]
 
-    def of_form(self, moved: np.ndarray, over: str = PLACE) -> np.ndarray:
+    def of_form(self, moved: np.ndarray, over: str) -> np.ndarray:
         """What is off where an effect moves the rows by ``moved`` and its form is not quite its own, (rows, …)."""
         return self.of_forms[over] * np.abs(moved / self._weight)[:, None]
 

@@ -13,6 +13,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from sma_actuator.estimation.effects import EFFECTS
 from sma_actuator.fleet import spread
 
 from .candidates import Candidate
-from .covariance import FORMS, NEARLY, PLACE, Covariance, SmoothErrors
+from .covariance import FORMS, NEARLY, Covariance, SmoothErrors
 from .evidence import Evidence
 from .likeliest import Likeliest, beside, likeliest
 from .limits import LIMITS
@@ -86,14 +87,17 @@ class Rows:
         columns = (LIMITS.smooth * self.smooth.repeating, *more) if self.smooth is not None else ()
         return Covariance(*columns, as_one=self.as_one)
 
-    def of(self, found: Likeliest, shares: Sequence[float] = FORMS, over: Sequence[str] = (PLACE,)) -> list[Covariance]:
-        """Covariances where some effects have happened whose form is off by these ``shares`` of what they move, over
-        each of these."""
+    def of(self, found: Likeliest, shares: Sequence[float] = FORMS) -> tuple[float, Covariance]:
+        """Logarithm of the evidence of some effects whose form is off by one of these shares of what they move, each as
+        likely, over any one thing that errors may go with; and the likeliest covariance."""
         if self.smooth is None:
-            return [self.usual]
+            return found.log_evidence(self.usual), self.usual
         moved = self.evidence.off(self.evidence.predict(found.effects)) - self.off
-        off = [self.smooth.of_form(moved, what) for what in over]
-        return [self._covariance(share * each) if share else self.usual for each in off for share in shares]
+        over = [self.smooth.of_form(moved, what) for what in self.smooth.of_forms]
+        each = [[self._covariance(share * off) for off in over] if share else [self.usual] for share in shares]
+        evidence = [[found.log_evidence(covariance) for covariance in some] for some in each]
+        best = int(np.argmax(np.concatenate(evidence)))
+        return _mean([_mean(some) for some in evidence]), list(chain(*each))[best]
 
     def nothing(self) -> Hypothesis:
         """Nothing has happened."""
@@ -122,7 +126,7 @@ class Rows:
                 by_what.setdefault(what, []).append(evidence)
         smooth = math.log(2.0 / 3.0 if possible else 1.0)
         parts = {what: _mean(each) - math.log(len(by_what)) + smooth for what, each in by_what.items()}
-        like = {" and ".join(one.names): self._nearly(one.fitted) - math.log(3.0 * number) for one in best_few}
+        like = {" and ".join(one.names): self.of(one.fitted, NEARLY)[0] - math.log(3.0 * number) for one in best_few}
         evidence = float(np.logaddexp.reduce([*parts.values(), *like.values()]))
         goes_with, looks_like = (
             {k: math.exp(v - evidence) for k, v in sorted(some.items(), key=lambda item: -item[1])}
@@ -136,19 +140,12 @@ class Rows:
     ) -> Hypothesis:
         """These effects have, together; ``known``: parameters of some of them, to start from."""
         found = likeliest(self.evidence, candidates, self.usual, known)
-        covariances = self.of(found)
-        evidence = [found.log_evidence(covariance) for covariance in covariances]
-        best = covariances[int(np.argmax(evidence))]
+        evidence, best = self.of(found)
         likelihood, by_row = _likelihood(best, found.rows)
         names = tuple(c.name for c in candidates)
         # Errors that are usual as one are cheap together, so a fit may raise them all to get rid of what is not.
         worse = bool(np.sum(found.rows**2) > np.sum(self.plain**2))
-        return Hypothesis(names, _mean(evidence), likelihood, by_row, found, best, objection(found), worse)
-
-    def _nearly(self, found: Likeliest) -> float:
-        """Logarithm of the evidence of something else that looks like some effects."""
-        over = tuple(self.smooth.of_forms) if self.smooth is not None else ()
-        return _mean([found.log_evidence(covariance) for covariance in self.of(found, NEARLY, over)])
+        return Hypothesis(names, evidence, likelihood, by_row, found, best, objection(found), worse)
 
     def sketches(self, first: Likeliest, others: Sequence[Likeliest]) -> list[float]:
         """About the logarithms of the evidence of some effects with each of others, which are known alone."""

@@ -128,6 +128,8 @@ class Likeliest:
     #: rows so far off to either side, (rows, len(u)).
     axes: np.ndarray
     sides: tuple[np.ndarray, np.ndarray]
+    #: Along each, how much more curved the likelihood is than the slopes say, as a root.
+    curved: np.ndarray
 
     @property
     def slopes(self) -> np.ndarray:
@@ -154,20 +156,32 @@ class Likeliest:
     def log_evidence(self, covariance: Covariance) -> float:
         """Laplace's logarithm of the evidence, after one more step under this covariance.
 
-        How steep and how curved the likelihood is along each axis is seen in itself, and not in the slopes.
+        How steep the likelihood is along each axis is seen in itself, and not in the slopes; so is how curved, where
+        the parameters were made likeliest.  Under another covariance they are not quite that, and between two jumps it
+        may be the other way about.
         """
         p, sides = self.problem, self.sides
         off, axes = (self.u - p.usual) / p.spread, self.axes / p.spread[:, None]
         here, left, right = (np.sum(covariance.whiten(rows) ** 2, axis=0) for rows in (self.rows, *sides))
         straight = covariance.whiten(0.5 * (sides[1] - sides[0]))
-        curvature, known = straight.T @ straight + axes.T @ axes, np.sum(axes**2, axis=0)
-        seen = np.sqrt((np.maximum(0.5 * (left + right) - here, 0.0) + known) / np.diag(curvature))
-        curvature *= np.outer(seen, seen)
+        curvature = (straight.T @ straight + axes.T @ axes) * np.outer(self.curved, self.curved)
         uphill = 0.25 * (left - right) - axes.T @ off
         step = np.clip(np.linalg.solve(curvature, uphill), -1.0, 1.0)
         higher = float(step @ (uphill - 0.5 * curvature @ step))
         volume = float(np.linalg.slogdet(axes)[1]) - 0.5 * float(np.linalg.slogdet(curvature)[1])
         return covariance.log_likelihood(float(here)) - 0.5 * float(off @ off) + higher + volume
+
+
+def curved(
+    covariance: Covariance, rows: np.ndarray, axes: np.ndarray, sides: tuple[np.ndarray, np.ndarray]
+) -> np.ndarray:
+    """Along each axis, the root of how much more curved the likelihood is than the slopes say.
+
+    ``axes``: in standard deviations of what is known before the logs; ``sides``: the rows at either end of each.
+    """
+    here, left, right = (np.sum(covariance.whiten(some) ** 2, axis=0) for some in (rows, *sides))
+    straight, known = covariance.whiten(0.5 * (sides[1] - sides[0])), np.sum(axes**2, axis=0)
+    return np.sqrt((np.maximum(0.5 * (left + right) - here, 0.0) + known) / (np.sum(straight**2, axis=0) + known))
 
 
 def laplace(
@@ -349,7 +363,8 @@ class _Search:
             if len(possible) == 1:  # beyond what is possible it goes on as on the other side
                 (k,) = possible
                 sides[1 - k, :, i] = 2.0 * rows - sides[k, :, i]
-        return Likeliest(p, u, rows, axes, (sides[0], sides[1]))
+        seen = rows[self.seen], axes / p.spread[:, None], (sides[0][self.seen], sides[1][self.seen])
+        return Likeliest(p, u, rows, axes, (sides[0], sides[1]), curved(self.covariance, *seen))
 
 
 def likeliest(

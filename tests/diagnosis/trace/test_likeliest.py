@@ -1,5 +1,6 @@
 """The likeliest parameters and their evidence, where both have a closed form: rows that are linear in two sizes."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from sma_actuator.diagnosis.trace.candidates import Candidate
 from sma_actuator.diagnosis.trace.covariance import Covariance
 from sma_actuator.diagnosis.trace.hypotheses import objection
-from sma_actuator.diagnosis.trace.likeliest import Likeliest, beside, likeliest
+from sma_actuator.diagnosis.trace.likeliest import Likeliest, beside, curved, likeliest
 from sma_actuator.diagnosis.trace.limits import LIMITS
 from sma_actuator.estimation.effects.free import Free, size
 
@@ -176,11 +177,26 @@ def test_how_wide_the_likely_is_is_seen_across_jumps():
     logarithms = -0.5 * (off + usual.log_determinant) - 0.5 * math.log(2.0 * math.pi) - math.log(LIMITS.size)
     whole = float(np.logaddexp.reduce(logarithms)) + math.log(units[1] - units[0])
     assert found.log_evidence(usual) == pytest.approx(whole, abs=0.2)
-    within = Likeliest(
-        found.problem,
-        found.u,
-        found.rows,
+    axes, sides = (
         1e-3 * np.eye(1),
         tuple(found.problem.residual(found.u + sign * 1e-3)[:, None] for sign in (-1.0, 1.0)),
     )
+    how_curved = curved(usual, found.rows, axes / LIMITS.size, sides)
+    within = Likeliest(found.problem, found.u, found.rows, axes, sides, how_curved)
     assert abs(within.log_evidence(usual) - whole) > 0.2
+
+
+def test_under_another_covariance_a_jump_does_not_make_a_parameter_free():
+    """What an effect moves may be smooth errors there; where that leaves jumps alone, both sides may be likelier than
+    the middle.  How narrow the likely is says the slope there and how curved it was under its own."""
+    _, found, _ = of((1.0, -2.0))
+    wide = Covariance(SMOOTH, SLOPES)
+    jump = np.random.default_rng(4).standard_normal(N)
+    jump *= math.sqrt(6.0 / np.sum(wide.whiten(jump) ** 2))
+    jump *= np.sign(np.sum(wide.whiten(jump) * wide.whiten(found.rows)))
+    higher = found.rows + jump
+    here, *sides = (np.sum(wide.whiten(rows) ** 2, axis=0) for rows in (higher, *found.sides))
+    assert all(np.all(side < here) for side in sides)
+    less = 0.5 * float(here - np.sum(wide.whiten(found.rows) ** 2))
+    jumped = dataclasses.replace(found, rows=higher)
+    assert jumped.log_evidence(wide) == pytest.approx(found.log_evidence(wide) - less, abs=0.1)
