@@ -13,7 +13,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import chain
+from itertools import chain, combinations, product
 
 import numpy as np
 
@@ -24,12 +24,12 @@ from sma_actuator.fleet import spread
 from .candidates import Candidate
 from .covariance import FORMS, NEARLY, Covariance, SmoothErrors
 from .evidence import Evidence
-from .likeliest import Likeliest, beside, likeliest
+from .likeliest import PROBE, Likeliest, beside, changed, likeliest
 from .limits import LIMITS
 
 NOTHING, SOMETHING_ELSE = "nothing", "something else"
 LARGER = (3.0, 10.0, 30.0)  #: σ: how large the smooth errors of something else may be, each as likely
-LEADERS = 2  #: best single effects that are sketched in pairs with every other
+PROMISING = 20  #: pairs that are sketched, of all
 BEST_FEW = 4  #: single effects that something else is held beside, and may look like
 IN_EARNEST = 5  #: pairs that are fitted, at the most
 NEAR_SIZE, NEAR_SHAPE = 0.01, 0.05  #: of what is possible, so near its end counts as at it: a shape comes there slowly
@@ -147,6 +147,33 @@ class Rows:
         worse = bool(np.sum(found.rows**2) > np.sum(self.plain**2))
         return Hypothesis(names, evidence, likelihood, by_row, found, best, objection(found), worse)
 
+    def promising(self, alone: Sequence[Hypothesis]) -> list[tuple[int, int]]:
+        """Of all pairs of effects, by their numbers, those that promise most: by one linear step of their sizes, with
+        any shape of each, from where nothing has happened."""
+        moved = [[self.usual.whiten(columns) for columns in self._moved(one.fitted)] for one in alone]
+        off = self.usual.whiten(self.off)
+
+        def gain(columns: tuple[np.ndarray, np.ndarray]) -> float:
+            a = np.column_stack(columns)
+            information, uphill = a.T @ a + np.eye(a.shape[1]), a.T @ off
+            return 0.5 * float(uphill @ np.linalg.solve(information, uphill) - np.linalg.slogdet(information)[1])
+
+        two = list(combinations(range(len(alone)), 2))
+        gains = [max(map(gain, product(moved[i], moved[k]))) for i, k in two]
+        return [two[n] for n in np.argsort(gains)[::-1][:PROMISING]]
+
+    def _moved(self, alone: Likeliest) -> list[np.ndarray]:
+        """By how much an effect moves the rows, of each shape that it may have: of its sizes as they may be before the
+        logs, (rows, sizes), or of the shape where it has no size."""
+        p, evidence = alone.problem, self.evidence
+        sizes, out = np.flatnonzero(p.is_size), []
+        for u in p.shapes(p.usual, ~p.is_size):
+            more = [changed(u, i, PROBE if p.high[i] >= PROBE else -PROBE) for i in sizes] or [u]
+            step = [at[i] / LIMITS.size for i, at in zip(sizes, more, strict=False)] or [1.0]
+            off = [evidence.off(evidence.predict(p.effects(at))) - self.off for at in more]
+            out.append(np.column_stack(off) / step)
+        return out
+
     def sketches(self, first: Likeliest, others: Sequence[Likeliest]) -> list[float]:
         """About the logarithms of the evidence of some effects with each of others, which are known alone."""
         return [beside(first, other, self.usual) for other in others]
@@ -180,25 +207,29 @@ def fitted(
 
 
 def pairs(rows: Rows, alone: Sequence[Hypothesis], jobs: int, progress: Progress) -> list[tuple[float, Hypothesis]]:
-    """Two effects at once, with what each had before the logs: the best two single ones with every other.
+    """Two effects at once, with what each had before the logs, of which any two were as likely.
 
-    Before the logs any two were as likely.  Each of these is sketched, and of those that do better than the best single
-    one the best few are fitted.  One that happens once is fitted beside the best single one whatever its sketch: when
-    it was, it was looked for alone.
+    What each effect moves alone says of all of them at once which promise most; these are sketched from where the
+    better of the two was fitted, and of those that do better than the best single effect the best few are fitted.  One
+    that happens once is fitted beside the best single one whatever its sketch: when it was, it was looked for alone.
     """
     ranked = sorted(alone, key=lambda one: -one.log_evidence)
-    leading = [(first, ranked[position + 1 :]) for position, first in enumerate(ranked[:LEADERS])]
+    beside: dict[int, list[Hypothesis]] = {}
+    for first, other in rows.promising(ranked):
+        beside.setdefault(first, []).append(ranked[other])
     sketched: list[tuple[float, Hypothesis, Hypothesis]] = []
     with spread(jobs) as run:
-        calls = [(rows.sketches, (first.fitted, [other.fitted for other in others])) for first, others in leading]
-        for (first, others), found in zip(leading, run(calls), strict=True):
-            sketched += zip(found, [first] * len(others), others, strict=True)
+        calls = [
+            (rows.sketches, (ranked[k].fitted, [other.fitted for other in others])) for k, others in beside.items()
+        ]
+        for (k, others), found in zip(beside.items(), run(calls), strict=True):
+            sketched += zip(found, [ranked[k]] * len(others), others, strict=True)
     sketched.sort(key=lambda one: -one[0])
     better = [(first, other) for evidence, first, other in sketched if evidence > ranked[0].log_evidence][:IN_EARNEST]
     better += [
-        (first, other)
-        for _, first, other in sketched
-        if first is ranked[0] and any(c.scanned for c in other.fitted.candidates) and (first, other) not in better
+        (ranked[0], other)
+        for other in ranked[1:]
+        if any(c.scanned for c in other.fitted.candidates) and (ranked[0], other) not in better
     ]
     out = fitted(rows, [_together(*two) for two in better], jobs, progress, "pairs")
     return [(LIMITS.rare / math.comb(len(alone), 2), one) for one in out]

@@ -81,6 +81,12 @@ class Problem:
                 kept.append(start)
         return kept[:ENDS]
 
+    def shapes(self, u: np.ndarray, of: np.ndarray) -> list[np.ndarray]:
+        """The same parameters, and with every other shape to start from of those ``of`` which (bool), one after the
+        other."""
+        others = [(i, self.slots[i][1]) for i in np.flatnonzero(of & ~self.is_size)]
+        return [u, *(changed(u, i, f.to_unit(start)) for i, f in others for start in f.starts[1:])]
+
     def clipped(self, u: np.ndarray) -> np.ndarray:
         """The same within what is possible."""
         return np.clip(u, self.low, self.high)
@@ -216,9 +222,8 @@ def beside(first: Likeliest, alone: Likeliest, covariance: Covariance) -> float:
     problem = Problem(first.problem.evidence, (*first.candidates, other))
     problem.scanned = {**first.problem.scanned, **alone.problem.scanned}
     known = len(first.u)
-    guesses = [np.concatenate((first.u, problem.usual[known:]))]
-    for i in np.flatnonzero(~problem.is_size[known:]) + known:
-        guesses += [_with(guesses[0], i, problem.slots[i][1].to_unit(s)) for s in problem.slots[i][1].starts[1:]]
+    new = np.arange(len(problem.slots)) >= known
+    guesses = problem.shapes(np.concatenate((first.u, problem.usual[known:])), new)
     guesses.append(np.concatenate((first.u, np.where(problem.is_size[known:], 0.0, alone.u))))
     sizes = np.flatnonzero(problem.is_size[known:]) + known
     free = np.append(np.arange(known), sizes)
@@ -228,7 +233,7 @@ def beside(first: Likeliest, alone: Likeliest, covariance: Covariance) -> float:
         columns = [first.slopes]
         for i in sizes:
             probe = PROBE if problem.high[i] >= PROBE else -PROBE
-            columns.append((problem.residual(_with(guess, i, probe)) - rows)[:, None] / probe)
+            columns.append((problem.residual(changed(guess, i, probe)) - rows)[:, None] / probe)
 
         def possible(step: np.ndarray, at: np.ndarray = guess) -> np.ndarray:
             return np.clip(at[free] + step, problem.low[free], problem.high[free]) - at[free]
@@ -288,9 +293,7 @@ class _Search:
         """
         p, found = self.problem, []
         sizes = np.flatnonzero(new & p.is_size) if (new & p.is_size).any() else np.flatnonzero(new)[:1]
-        guesses = [u]
-        for i in np.flatnonzero(new & ~p.is_size):
-            guesses += [_with(u, i, p.slots[i][1].to_unit(s)) for s in p.slots[i][1].starts[1:]]
+        guesses = p.shapes(u, new)
         alone = len(u) == 1 and bool(p.is_size.all())
         for time in times:
             p.scanned |= time
@@ -301,7 +304,7 @@ class _Search:
                 columns = []
                 for i in sizes:
                     probe = PROBE if guess[i] + PROBE <= p.high[i] else -PROBE
-                    there = _with(guess, i, guess[i] + probe)
+                    there = changed(guess, i, guess[i] + probe)
                     rows = p.residual(there)
                     columns.append((rows - at) / probe)
                     found.append((self.cost(rows, there), there, time))
@@ -415,7 +418,8 @@ def likeliest(
     return found
 
 
-def _with(u: np.ndarray, i: Any, value: float) -> np.ndarray:
+def changed(u: np.ndarray, i: Any, value: float) -> np.ndarray:
+    """The same parameters with another value of one."""
     out = u.copy()
     out[i] = value
     return out
@@ -431,7 +435,7 @@ def _scan(search: _Search, candidate: Candidate, u: np.ndarray) -> list[float]:
     problem.scanned[candidate.name] = {candidate.scanned: 0.0}
     size = next(i for i, (c, _) in enumerate(problem.slots) if c is candidate)
     others = np.arange(len(u)) != size
-    nothing, probe = _with(u, size, 0.0), _with(u, size, PROBE)
+    nothing, probe = changed(u, size, 0.0), changed(u, size, PROBE)
     at = problem.residual(nothing)
     there, here = (evidence.off(evidence.predict(problem.effects(values))) for values in (probe, nothing))
     elapsed_s = np.concatenate(

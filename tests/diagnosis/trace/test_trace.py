@@ -22,8 +22,8 @@ from sma_actuator.diagnosis.trace.evidence import limited
 from sma_actuator.diagnosis.trace.experiments import best_experiment
 from sma_actuator.diagnosis.trace.fitting import fit, fit_of
 from sma_actuator.diagnosis.trace.following import Where, smooth
-from sma_actuator.diagnosis.trace.hypotheses import NOTHING, SOMETHING_ELSE, Hypothesis, Rows, pairs
-from sma_actuator.diagnosis.trace.likeliest import likeliest
+from sma_actuator.diagnosis.trace.hypotheses import NOTHING, PROMISING, SOMETHING_ELSE, Hypothesis, Rows, pairs
+from sma_actuator.diagnosis.trace.likeliest import Problem, likeliest
 from sma_actuator.diagnosis.trace.limits import LIMITS
 from sma_actuator.diagnosis.trace.probability import Probabilities
 from sma_actuator.diagnosis.trace.report import _words, sentence, summary
@@ -650,11 +650,29 @@ def test_of_pairs_the_best_few_are_fitted_that_promise_more_than_the_best_alone(
             asked.append(1)
             return Hypothesis(("pair", str(len(asked))), 1.0, 1.0, np.zeros(1), fitted)
 
-        rows = SimpleNamespace(sketches=lambda _, others: [*promised, *[-1.0] * 7][: len(others)], effects=effects)
+        rows = SimpleNamespace(
+            promising=lambda alone: [(first, other) for first in (0, 1) for other in range(first + 1, 8)],
+            sketches=lambda _, others: [*promised, *[-1.0] * 7][: len(others)],
+            effects=effects,
+        )
         assert len(pairs(rows, alone, 1, lambda what, share: None)) == len(asked)
         return len(asked)
 
-    assert (found(), found(3.0), found(*[3.0] * 6)) == (0, 2, 5)  # beside each of two leaders; at the most five
+    assert (found(), found(3.0), found(*[3.0] * 6)) == (0, 2, 5)  # beside each of two; at the most five
+
+
+@pytest.mark.parametrize(
+    "hidden", [{"creep": 2.2e-4, "voltage_offset": 2.7e-3}, {"fatigue": 9e-5, "backlash": 4.5e-4}], ids="+".join
+)
+def test_what_two_move_alone_says_that_they_may_have_happened_together(wire, config, hidden):
+    """Whatever looks likelier by itself: each alone leaves what the other does."""
+    evidence = Evidence(session(wire[0], hidden), config)
+    names = [n for n in EFFECTS if n not in untestable(EFFECTS, scales_of(evidence)) and n != "slip"]
+    problems = [Problem(evidence, [candidate(n, scales_of(evidence))]) for n in names]
+    alone = [SimpleNamespace(fitted=SimpleNamespace(problem=problem)) for problem in problems]
+    promising = [{names[i], names[k]} for i, k in Rows(evidence).promising(alone)]
+    assert len(promising) == PROMISING < math.comb(len(names), 2) / 5
+    assert {*hidden} in promising[:5]
 
 
 def test_one_that_happens_once_is_fitted_beside_the_best_whatever_its_sketch():
@@ -669,7 +687,9 @@ def test_one_that_happens_once_is_fitted_beside_the_best_whatever_its_sketch():
         return Hypothesis(names, 20.0 * ("slip" in names), 0.0, np.zeros(1), SimpleNamespace())
 
     alone = [one("lead", 10.0), one("gain", 5.0), one("slip", 0.0)]
-    rows = SimpleNamespace(sketches=lambda first, others: [-90.0] * len(others), effects=effects)
+    rows = SimpleNamespace(
+        promising=lambda alone: [(0, 1)], sketches=lambda first, others: [-90.0] * len(others), effects=effects
+    )
     found = [one for _, one in pairs(rows, alone, 1, lambda what, share: None)]
     assert [one.names for one in found if one.found] == [("lead", "slip")]
 
@@ -678,8 +698,12 @@ def test_before_the_logs_every_two_are_as_likely_whether_they_are_looked_at_or_n
     """Those that are looked at were chosen by the logs, so they have no part of what the others have."""
     fitted = SimpleNamespace(candidates=(SimpleNamespace(scanned=""),), values={})
     alone = [Hypothesis((name,), 0.0, 0.0, np.zeros(1), fitted) for name in "abcdef"]
-    sketches = SimpleNamespace(sketches=lambda _, others: [9.0] * len(others), effects=lambda *_: alone[0])
-    assert {before for before, _ in pairs(sketches, alone, 1, lambda what, share: None)} == {LIMITS.rare / 15}
+    rows = SimpleNamespace(
+        promising=lambda alone: [(0, 1), (0, 2), (1, 2)],
+        sketches=lambda _, others: [9.0] * len(others),
+        effects=lambda *_: alone[0],
+    )
+    assert {before for before, _ in pairs(rows, alone, 1, lambda what, share: None)} == {LIMITS.rare / 15}
 
 
 def test_what_a_model_lacks_from_its_beginning_may_be_everything_but_something_else(wire, config):
@@ -700,7 +724,7 @@ def test_smooth_errors_are_of_the_samples_or_of_the_other_witnesses_and_of_the_s
     np.testing.assert_allclose(place, clean.sample_weight)
     moved = np.zeros(len(clean.unit_of_row))
     moved[:n] = clean.sample_weight
-    by_form = smooth_errors.of_form(moved)
+    by_form = smooth_errors.of_form(moved, "place")
     np.testing.assert_allclose(by_form[:n, :12], smooth_errors.repeating[:n, :12])
     assert not by_form[n:].any()
 
