@@ -18,6 +18,7 @@ import argparse
 import faulthandler
 import gc
 import os
+import signal
 import sys
 import threading
 import time
@@ -44,9 +45,9 @@ from .wire import SmaActuatorNode
 GIL_INTERVAL_s = 0.1e-3
 #: How often the main thread looks whether a signal was noted.
 SIGNAL_INTERVAL_s = 0.05
-#: ROS has so long to end once the outputs are off and the logs complete: Fast DDS hangs for ever on a clock before
-#: 1970.
-ROS_END_s = 30.0
+#: Once the outputs are off and the logs complete the process has so long to end: Fast DDS hangs for ever on a clock
+#: before 1970.  It takes half a second; who launched it kills it after ten.
+END_s = 5.0
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -160,6 +161,9 @@ def _stop(
 ) -> list[str]:
     """All outputs off, at the same time; then ROS, which may hang in itself: then the process ends without it.
 
+    Nothing is done afterwards but to end: what hangs on the way, a thread that is waited for or a library that tidies
+    up, hangs for ``END_s``.
+
     Sentences about outputs that were not confirmed to be off.
     """
     on: list[str] = []
@@ -170,7 +174,8 @@ def _stop(
                     on.append(sentence)
                 elif sentence:
                     print(f"sma_actuator_node: {sentence}", file=sys.stderr)
-    faulthandler.dump_traceback_later(ROS_END_s, exit=True)  # by a thread that asks Python for nothing
+    faulthandler.dump_traceback_later(END_s, exit=True)  # by a thread that asks Python for nothing
+    signal.setitimer(signal.ITIMER_REAL, END_s + 1.0)  # and where Python is gone already, by the system
     for node in nodes:
         node.wake_no_more()
     for joint in joints:
@@ -180,7 +185,6 @@ def _stop(
     rclpy.try_shutdown()
     for thread in threads:
         thread.join(1.0)
-    faulthandler.cancel_dump_traceback_later()
     return on
 
 

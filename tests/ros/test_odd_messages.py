@@ -253,24 +253,36 @@ sys.exit(node.main())
         assert client.call(f"{NAME}/clear_fault", Trigger).success
         _enabled(client)
 
-    def test_ros_that_hangs_while_it_ends_ends_with_the_process_and_the_output_off(
-        self, start_bench, make_config, start_node, client
+    @pytest.mark.parametrize(
+        "hangs, code",
+        [
+            # As Fast DDS does where the clock says a time before 1970: for ever, and Python with it.
+            ("node.Switch.close = lambda self: ctypes.PyDLL(None).pause()", 1),
+            # A thread that Python waits for at its end.
+            ("threading.Thread(target=threading.Event().wait).start()", 1),
+            # A library that tidies up when Python is gone already.
+            ("libc.__cxa_atexit(ctypes.cast(libc.pause, ctypes.c_void_p), None, None)", -signal.SIGALRM),
+        ],
+        ids=["ros", "thread", "library"],
+    )
+    def test_what_hangs_at_the_end_ends_with_the_process_and_the_output_off(
+        self, start_bench, make_config, start_node, client, hangs, code
     ):
         bench = start_bench("--load", "weight:0.98")
-        # As Fast DDS does where the clock says a time before 1970: for ever, and Python with it.
-        program = """
-import ctypes, sys
+        program = f"""
+import ctypes, sys, threading
 from sma_actuator.ros import commands, node, spoken
-node.ROS_END_s = 1.0
-node.Switch.close = lambda self: ctypes.PyDLL(None).pause()
+libc = ctypes.CDLL(None)
+node.END_s = 1.0
+{hangs}
 sys.exit(node.main())
 """
-        node = start_node(make_config(instruments=bench.instruments()), program=("-c", program))
+        node = start_node(make_config(instruments=bench.instruments()), program=("-c", program), fresh=True)
         _enabled(client)
         wait_until(lambda: bench.current_A() > 0.04)
         node.popen.send_signal(signal.SIGTERM)
         wait_until(lambda: bench.current_A() == 0.0, what="end of the current")
-        assert node.ends() == 1
+        assert node.ends() == code
 
 
 class TestFromTheStart:
