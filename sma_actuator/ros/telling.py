@@ -12,6 +12,7 @@ from math import inf, isfinite
 from typing import Any, Generic, Protocol, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.event_handler import PublisherEventCallbacks
 
 from .publishing import Handoff, is_heard
 from .topics import Of, Published, Step
@@ -20,6 +21,9 @@ from .topics import Of, Published, Step
 TURN_PERIOD_s = 0.3
 STATUS_PERIOD_s = 1.0
 _MOST_HAPPENED = 50  #: events kept while nobody listens
+#: A listener that asks for more than is offered is told so by its own side; to look for that at each publisher is a
+#: third of what the executor does whenever it is woken.
+_UNWATCHED = PublisherEventCallbacks(use_default_callbacks=False)
 
 Output = TypeVar("Output")
 _Output_contra = TypeVar("_Output_contra", contravariant=True)
@@ -70,7 +74,7 @@ class Telling(Generic[Output]):
                 # The state of a node is of interest in every state of its life.
                 lasts = row.of is Of.STATUS or not hasattr(node, "create_lifecycle_publisher")
                 make = node.create_publisher if lasts else node.create_lifecycle_publisher
-                self._made.append((row, make(row.kind, row.name, row.qos)))
+                self._made.append((row, make(row.kind, row.name, row.qos, event_callbacks=_UNWATCHED)))
         self._heard: list[tuple[Published, Any]] = []  #: those of steps that somebody listens to
         self._looked_s = self._status_due_s = -inf
         self._told: tuple[Any, ...] = ()  #: of what the ROS thread was last woken for

@@ -44,7 +44,7 @@ class Node:
     def __init__(self, heard):
         self.heard, self.made = heard, {}
 
-    def create_publisher(self, kind, name, qos):
+    def create_publisher(self, kind, name, qos, event_callbacks):
         self.made[name] = Publisher(name, self.heard)
         return self.made[name]
 
