@@ -3,8 +3,9 @@
     python benchmarks/cost.py [--against CHECKOUT] [--json FILE]     (make benchmarks)
 
 They take turns, so that a machine that slows down slows down all of them; the ratios are to be trusted, the
-microseconds only on this machine.  ``--against``: another checkout of this repository takes turns with this one, each
-in a process of its own, and what is told is the ratio of this one's times to that one's.
+microseconds only on this machine.  A loop rests between its steps, and others have the processor and its caches
+meanwhile: so each is timed after such a rest as well.  ``--against``: another checkout of this repository takes turns
+with this one, each in a process of its own, and what is told is the ratio of this one's times to that one's.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ from sma_actuator.safety.drift import CurrentsApart, VoltagesApart
 ROOT = Path(__file__).resolve().parents[1]
 CALLS = 2000
 ROUNDS = 15
+RESTS, REST_s = 200, 0.01  #: so often each is called after so long, as in a loop of 100 Hz
 PAIRS = 5  #: of processes, with another checkout
 DIGIT_V = 1e-3  #: of the supply's voltmeter
 
@@ -77,7 +79,7 @@ def alone() -> dict[str, dict[str, float]]:
     """Times of each call, and over simple-pid's."""
     config = Config.load(shared_file("config/flexinol.yaml"))
     rng = np.random.default_rng(0)
-    count = CALLS * ROUNDS
+    count = CALLS * ROUNDS + RESTS
     current_A = 0.15 + 0.05 * np.sin(np.arange(count) / 50.0)
     resistance_Ohm = 5.0 + 0.2 * np.cos(np.arange(count) / 50.0) + 1e-3 * rng.standard_normal(count)
     readings = [
@@ -129,20 +131,34 @@ def alone() -> dict[str, dict[str, float]]:
             for i in range(first, first + CALLS):
                 call(i)
             seconds[name].append((time.thread_time() - start_s) / CALLS)
+    rested: dict[str, list[float]] = {name: [] for name in calls}
+    for i in range(CALLS * ROUNDS, count):
+        for name, call in calls.items():
+            time.sleep(REST_s)
+            start_s = time.thread_time()
+            call(i)
+            rested[name].append(time.thread_time() - start_s)
     assert told.output_on, "the wire was not driven to the end"
     base = seconds["simple-pid call"]
     rows = {
         name: {
             "us_per_call": 1e6 * statistics.median(times),
             "ratio_to_simple_pid": statistics.median(t / b for t, b in zip(times, base)),
+            "us_after_a_rest": 1e6 * statistics.median(rested[name]),
+            "ratio_after_a_rest": statistics.median(t / b for t, b in zip(rested[name], rested["simple-pid call"])),
         }
         for name, times in seconds.items()
     }
     print(
-        f"median of {ROUNDS} turns of {CALLS} calls; kernels {'compiled by numba' if COMPILED else 'in plain Python'}"
+        f"median of {ROUNDS} turns of {CALLS} calls; of {RESTS} after a rest of {1e3 * REST_s:g} ms; kernels "
+        f"{'compiled by numba' if COMPILED else 'in plain Python'}; load {os.getloadavg()[0]:.1f} on {os.cpu_count()} "
+        f"processors"
     )
     for name, row in rows.items():
-        print(f"{name:22s} {row['us_per_call']:8.2f} µs   {row['ratio_to_simple_pid']:6.2f} × simple-pid")
+        print(
+            f"{name:22s} {row['us_per_call']:8.2f} µs   {row['ratio_to_simple_pid']:6.2f} × simple-pid   after a rest "
+            f"{row['us_after_a_rest']:8.2f} µs   {row['ratio_after_a_rest']:6.2f} ×"
+        )
     return rows
 
 
