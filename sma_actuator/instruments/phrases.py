@@ -140,7 +140,7 @@ class Query:
 
     def numbers(self, reply: str) -> list[float]:
         """A list of numbers; raises ValueError for an answer that is none."""
-        one = dataclasses.replace(self, field=0)
+        one = dataclasses.replace(self, field=0) if self.field else self
         return [one.number(part) for part in reply.split(",")]
 
     def code(self, reply: str) -> int:

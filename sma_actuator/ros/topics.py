@@ -22,6 +22,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
+from sma_actuator.base.record import record
 from sma_actuator.base.signals import Branch, Estimate, Output, Quality, Signals
 from sma_actuator.config import Config
 from sma_actuator.control.pair import PairParameters
@@ -62,7 +63,7 @@ class Of(enum.Enum):
     STATUS = enum.auto()  #: what the node says of itself, in every state of its life
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Step:
     """What a message of a step is made of."""
 
