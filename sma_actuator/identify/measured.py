@@ -20,6 +20,7 @@ from sma_actuator.logs.bench_log import BenchLog, signals_from_log
 from sma_actuator.logs.experiments import Experiment, begins_anew
 
 _CONTRACTED = 0.02  #: of the stroke, within which of its shortest a wire is as good as contracted
+_ALIKE_LOAD = 0.03  #: of a load, by which another may be less and count as no less
 _TRANSFORMS = (
     0.15  #: share of a pause until its least resistance that is left out: another phase begins before it shows
 )
@@ -97,6 +98,14 @@ def heat_balance(experiments: Sequence[Experiment], bench: BenchConfig) -> Balan
     explained clearly better by them.
     """
     logs = [each for past in _pasts(experiments) if len((each := _Contracted(past, bench)).rows) >= _FEWEST_CONTRACTED]
+    # One that was held part of the way is not contracted where it is shortest: others, loaded as much, are shorter.
+    logs = [
+        log
+        for log in logs
+        if log.shortest_m
+        <= min(each.shortest_m for each in logs if each.stress_Pa >= (1.0 - _ALIKE_LOAD) * log.stress_Pa)
+        + _CONTRACTED * bench.wire.full_stroke_m
+    ]
     if not logs:
         return None
 
@@ -167,6 +176,8 @@ class _Contracted:
         rows = np.flatnonzero(contracted & ~_transforms(contracted, experiment.driven[good], resistance_Ohm))
         #: Samples in which it is, and transforms no further.
         self.rows = len(self._time_s) - len(displacement_m) + rows
+        self.shortest_m = low_m
+        self.stress_Pa = float(np.median(experiment.stress_Pa[good][rows])) if len(rows) else math.nan
         others = np.column_stack((np.ones(len(rows)), displacement_m[rows] - low_m))
         self._others = np.linalg.qr(others / np.maximum(np.abs(others).max(axis=0, initial=0.0), 1e-30))[0]
         self._resistance_Ohm = self._less_others(resistance_Ohm[rows])

@@ -4,13 +4,16 @@ import dataclasses
 import json
 
 import pytest
+from characterised import virtual_rig
 
+from sma_actuator.characterise.programs import held_currents
 from sma_actuator.cli.main import main
 from sma_actuator.config import Config, bench_from_mapping, read_parameter_file
 from sma_actuator.derived import with_derived
-from sma_actuator.identify.measured import heat_balance
+from sma_actuator.identify.measured import _Contracted, heat_balance
 from sma_actuator.logs.bench_log import BenchLog, read_bench_log, signals_from_log, write_bench_log
 from sma_actuator.logs.kinds import make_experiments
+from sma_actuator.plant.loads import Weight
 
 WIRE = ["--alloy", "ni-ti", "--length", "0.1", "--diameter", "0.1524e-3"]
 
@@ -68,6 +71,19 @@ def test_slow_logs_tell_the_heat_loss_or_nothing(textbook, tmp_path, every, told
     if found is not None:
         assert found.time_constant_s == pytest.approx(known["heat_capacity"] / known["heat_loss"], rel=0.1)
         assert found.near_share == 0.0, "it hangs in the open"
+
+
+def test_a_wire_that_is_held_part_of_the_way_tells_nothing_of_a_contracted_one(flexinol):
+    """What moves its resistance there is that it transforms."""
+    _, rig, _ = virtual_rig("flexinol", seed=4, load=Weight(0.98))
+    with rig.opened():
+        held = rig.record(held_currents([0.05, 0.15, 0.16, 0.18], 8.0, 12.0))
+    bench = bench_from_mapping(flexinol.mapping)
+    pulses, more = (make_experiments(logs, bench) for logs in (flexinol.only("pulses"), [held]))
+    assert len(_Contracted(more[:1], bench).rows) > 100, "as near to its shortest, for long"
+    found = heat_balance(pulses, bench)
+    assert found is not None
+    assert heat_balance([*pulses, *more], bench) == found
 
 
 def test_what_the_logs_tell_is_identified_from_them_and_written_with_its_reason(textbook, tmp_path):
