@@ -13,7 +13,7 @@ import numpy as np
 from sma_actuator.estimation.models.whole_range import NEAR, known_of
 
 from .data import Data
-from .learner import Learner, robust, solve
+from .learner import Equations, Learner, robust
 
 JOINT_UNITS = 14  #: of the one learner that the heat balance is fitted with
 JOINT_ITERATIONS = 60
@@ -66,8 +66,9 @@ def heat_balance(data: Data, progress: Callable[[float], None]) -> tuple[np.ndar
             columns.append((learner.value(weights, scaled(moved)) - value) / 1e-3)
         slopes = np.column_stack([jacobian, *columns])
         pull = stiffness * np.concatenate([weights, ((known - before) / _UNSURE)[:free]])
+        equations = Equations.of(slopes, target - value)
         for _ in range(6):
-            step = _step(slopes, target - value, pull, stiffness, damping, known[:free])
+            step = _step(equations, pull, stiffness, damping, known[:free])
             tried, numbers = weights + step[:-free], known.copy()
             numbers[:free] = np.clip(known[:free] + step[-free:] * _UNSURE[:free], LEAST[:free], MOST[:free])
             new_z = scaled(numbers)
@@ -83,14 +84,14 @@ def heat_balance(data: Data, progress: Callable[[float], None]) -> tuple[np.ndar
 
 
 def _step(
-    slopes: np.ndarray, error: np.ndarray, pull: np.ndarray, stiffness: np.ndarray, damping: float, known: np.ndarray
+    equations: Equations, pull: np.ndarray, stiffness: np.ndarray, damping: float, known: np.ndarray
 ) -> np.ndarray:
     """A step in which numbers stay that stand at a bound and would leave it; the others move as if these were fixed."""
     free = len(known)
-    moves = np.ones(slopes.shape[1], dtype=bool)
+    moves = np.ones(len(pull), dtype=bool)
     while True:
         step = np.zeros(len(moves))
-        step[moves] = solve(slopes[:, moves], error, pull[moves], stiffness[moves], damping)
+        step[moves] = equations.among(moves).step(pull[moves], stiffness[moves], damping)
         by = step[-free:]
         leaves = (known <= LEAST[:free]) & (by < 0.0) | (known >= MOST[:free]) & (by > 0.0)
         if not leaves.any():

@@ -6,6 +6,8 @@ Values and derivatives have the precision of the samples they are made of; steps
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from sma_actuator.estimation.models.whole_range import CURVE_TERMS, DIRECT, STRESS
@@ -97,9 +99,10 @@ def learn(learner: Learner, z: np.ndarray, target: np.ndarray, iterations: int) 
     """Weights for features that stand."""
     weights, damping = learner.start(z, target), _BOLD
     value, jacobian = learner.jacobian(weights, z)
+    equations = Equations.of(jacobian, target - value)
     cost = robust(target - value) + float(learner.shrinkage @ weights**2)
     for _ in range(iterations):
-        step = solve(jacobian, target - value, learner.shrinkage * weights, learner.shrinkage, damping)
+        step = equations.step(learner.shrinkage * weights, learner.shrinkage, damping)
         tried = weights + step
         new_cost = robust(target - learner.value(tried, z)) + float(learner.shrinkage @ tried**2)
         if new_cost >= cost:
@@ -113,20 +116,34 @@ def learn(learner: Learner, z: np.ndarray, target: np.ndarray, iterations: int) 
         if enough:
             break
         value, jacobian = learner.jacobian(weights, z)
+        equations = Equations.of(jacobian, target - value)
     return weights
 
 
-def solve(
-    jacobian: np.ndarray, error: np.ndarray, pull: np.ndarray, stiffness: np.ndarray, damping: float
-) -> np.ndarray:
-    """One damped Gauss-Newton step of the robust, shrunk problem."""
-    root = np.sqrt(np.minimum(1.0, ROBUST / np.maximum(np.abs(error), 1e-12))).astype(jacobian.dtype)
-    weighted = jacobian * root[:, None]
-    normal = (weighted.T @ weighted).astype(float)  # of one matrix with itself: half the work
-    size = np.diag(normal)
-    return np.linalg.solve(
-        normal + np.diag(stiffness + damping * np.maximum(size, 1e-4 * size.max())), weighted.T @ (root * error) - pull
-    )
+@dataclass(frozen=True, slots=True)
+class Equations:
+    """Normal equations of a Gauss-Newton step of the robust problem: the same however strongly it is damped."""
+
+    normal: np.ndarray  #: (weights, weights)
+    gradient: np.ndarray  #: (weights,)
+
+    @classmethod
+    def of(cls, jacobian: np.ndarray, error: np.ndarray) -> Equations:
+        """Those where the errors and their derivatives are these."""
+        root = np.sqrt(np.minimum(1.0, ROBUST / np.maximum(np.abs(error), 1e-12))).astype(jacobian.dtype)
+        weighted = jacobian * root[:, None]
+        # Of one matrix with itself: half the work.
+        return cls((weighted.T @ weighted).astype(float), weighted.T @ (root * error))
+
+    def among(self, moving: np.ndarray) -> Equations:
+        """Those of some of the weights, while the others stay."""
+        return Equations(self.normal[np.ix_(moving, moving)], self.gradient[moving])
+
+    def step(self, pull: np.ndarray, stiffness: np.ndarray, damping: float) -> np.ndarray:
+        """The damped and shrunk step."""
+        size = np.diag(self.normal)
+        held = stiffness + damping * np.maximum(size, 1e-4 * size.max())
+        return np.linalg.solve(self.normal + np.diag(held), self.gradient - pull)
 
 
 def robust(error: np.ndarray) -> float:
