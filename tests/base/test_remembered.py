@@ -29,3 +29,10 @@ def test_the_oldest_is_forgotten_first_and_a_copy_knows_nothing():
     for again in (copy.deepcopy(known), pickle.loads(pickle.dumps(known))):
         again.of(lambda: asked.append("anew"), np.array([0]))
     assert asked[-2:] == ["anew", "anew"]
+
+
+def test_values_of_one_array_are_not_those_of_its_neighbour():
+    known, asked = Remembered(), []
+    for arrays in (([1.0], [2.0, 0.0]), ([1.0, 2.0], [0.0])):
+        known.of(lambda: asked.append(1), *map(np.array, arrays))
+    assert len(asked) == 2
