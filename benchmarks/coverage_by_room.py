@@ -15,12 +15,14 @@ import collections
 import json
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 REPORT = ROOT / "out" / "coverage.json"
 TESTS = ("-n", "4", "--dist", "loadscope", "--no-loadscope-reorder", "-m", "not long")
 GUARDS = ("tests/safety", "tests/control", "tests/base", "tests/test_actuator.py")
+ROOMS = ("sma_actuator", "sma_msgs_py")
 #: Lines of a room that the tests of :data:`GUARDS` reach at the least [%]: about one below what they did when this was
 #: written (docs/results/coverage.txt), so that a change is not refused for a line, and a guard without a test is.
 FLOOR = {"sma_actuator/safety": 98, "sma_actuator/control": 97, "sma_actuator/actuator": 97, "sma_actuator/base": 92}
@@ -31,11 +33,12 @@ def room_of(file: str) -> str:
     return "/".join(Path(file).parts[:2])
 
 
-def measured(tests: tuple[str, ...], report: Path) -> int:
-    """Run the tests; their exit code."""
+def measured(tests: tuple[str, ...], rooms: Iterable[str], report: Path) -> int:
+    """Run the tests, looking at these rooms alone, which costs a third of looking at all; their exit code."""
     report.parent.mkdir(exist_ok=True)
+    looked_at = [f"--cov={room}" for room in rooms]
     page = f"--cov-report=html:{report.with_suffix('')}"
-    command = [sys.executable, "-m", "pytest", *TESTS, *tests, "--cov", f"--cov-report=json:{report}", page]
+    command = [sys.executable, "-m", "pytest", *TESTS, *tests, *looked_at, f"--cov-report=json:{report}", page]
     return subprocess.run(command, check=False, cwd=ROOT, stdout=sys.stderr).returncode
 
 
@@ -53,7 +56,7 @@ def main() -> int:
     if args.report is None:
         args.report = REPORT
         args.report.unlink(missing_ok=True)
-        code = measured(GUARDS if args.guards else (), args.report)
+        code = measured(*((GUARDS, FLOOR) if args.guards else ((), ROOMS)), args.report)
         if code and not (args.guards and args.report.exists()):
             return code
     rooms: dict[str, collections.Counter] = collections.defaultdict(collections.Counter)
