@@ -32,6 +32,8 @@ from .witnesses import WITNESSES, Power, Prediction, Residual, Rests, Springs, W
 INDEPENDENT = 8.0
 #: Error above which a model is not of this wire, or the bench is another: half the stroke.
 HOPELESS_percent = 50.0
+#: Readings within the wire's time constant in which effects are looked for, before they are held against all.
+SOUGHT_IN = 5.0
 #: Deviation of a row that counts at all: a sensor that is cut off says no more than one that is far off.
 LARGEST = 30.0
 
@@ -42,8 +44,12 @@ class Evidence:
     Raises BenchLogError: no reference, another wire, a channel that does not move, less than a cycle.
     """
 
-    def __init__(self, logs: Sequence[BenchLog], config: Config, beyond_floor: bool = False):
-        """``beyond_floor``: count also what was there at the calibration, as the model's and not as its floor."""
+    def __init__(
+        self, logs: Sequence[BenchLog], config: Config, beyond_floor: bool = False, readings: float = math.inf
+    ):
+        """``beyond_floor``: count also what was there at the calibration, as the model's and not as its floor;
+        ``readings``: so many within the wire's time constant are enough."""
+        self._given = logs, config
         self.beyond_floor = beyond_floor
         self.config = dataclasses.replace(config, effects=Effects())
         self.base: Mapping[str, Effect] = config.effects.active
@@ -51,7 +57,7 @@ class Evidence:
         self.place = place_of(config)
         self.full_stroke_m = config.wire.full_stroke_m
         self._followed = Remembered()
-        self.logs = Prepared(logs, self.config, lambda: self.chain({}))
+        self.logs = Prepared(logs, self.config, lambda: self.chain({}), readings)
         self.unit, self.units = self.logs.units(self.independent_s)
         self.of_displacement = self._residual(config)
         self.of_rests = Rests(self.logs, self.unit, config, self.calibration)
@@ -80,9 +86,9 @@ class Evidence:
         judgements, kept = zip(*self._judgements(self.chain(effects)), strict=True)
         return list(judgements), list(kept)
 
-    def held_anywhere(self) -> Evidence:
-        """The same logs, with one floor wherever the wire was."""
-        out = self._with_its_own_floor()
+    def seldom_and_anywhere(self) -> Evidence:
+        """The same logs in as many readings as it takes to look for effects, with one floor wherever the wire was."""
+        out = Evidence(*self._given, readings=SOUGHT_IN)
         out.of_displacement.take_one_floor()
         return out
 

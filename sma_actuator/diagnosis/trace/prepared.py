@@ -20,7 +20,7 @@ from sma_actuator.logs.experiments import Experiment, make_experiment, sessions
 UNIT_TIMES = 4.0  #: a unit lasts at least so many times as long as errors remember themselves
 FEWEST_CYCLES = 3  #: in all logs together
 FEWEST_UNITS = 8
-LARGEST = 60_000  #: samples that the chain sees; longer logs are thinned …
+LARGEST = 40_000  #: samples that the chain sees; longer logs are thinned …
 COMPARED = 4_000  #: … and so many of them at the most are compared with the measured displacement
 
 
@@ -30,12 +30,17 @@ class Prepared:
     Raises BenchLogError: no reference, another wire, a channel that does not move, less than a cycle.
     """
 
-    def __init__(self, logs: Sequence[BenchLog], config: Config, chain: Callable[[], Chain]):
-        """``chain``: makes a chain of the model as it is, which drops what it cannot judge."""
+    def __init__(
+        self, logs: Sequence[BenchLog], config: Config, chain: Callable[[], Chain], readings: float = math.inf
+    ):
+        """``chain``: makes a chain of the model as it is, which drops what it cannot judge; ``readings``: so many
+        within the wire's time constant are enough."""
         by_clock = sorted(logs, key=lambda log: float(log["time_s"][0]))
         if all(log["time_s"][0] > before["time_s"][-1] for before, log in itertools.pairwise(by_clock)):
             logs = by_clock
-        thin = max(1, math.ceil(sum(map(len, logs)) / LARGEST))
+        time_constant_s = config.thermal.heat_capacity / config.thermal.heat_loss
+        step_s = float(np.median(np.concatenate([np.diff(log["time_s"]) for log in logs])))
+        thin = max(1, math.ceil(sum(map(len, logs)) / LARGEST), int(time_constant_s / (readings * step_s)))
         whole = [piece for log in logs for piece in sessions(make_experiment(log, config))]
         good = [_judged(experiment, chain()) for experiment in whole]
         self.experiments = [_moving(experiment.rows(rows)) for experiment, rows in zip(whole, good, strict=True)]
@@ -45,7 +50,6 @@ class Prepared:
             raise BenchLogError(
                 f"{names}: {cycles} cycles in all are too few to hold some out; at least {FEWEST_CYCLES} are wanted"
             )
-        time_constant_s = config.thermal.heat_capacity / config.thermal.heat_loss
         self.rests: list[list[Rest]] = [
             [rest for rest in find_rests(experiment, time_constant_s) if rest.settled]
             for experiment in self.experiments
