@@ -51,6 +51,7 @@ def unseen():
     return [pulses, partial]
 
 
+@pytest.mark.long
 def test_a_wire_ten_times_as_quick_is_learned_from_as_many_readings(whole, unseen):
     """It is read as much more often, and steps as long as a slow wire's would show nothing of how it moves."""
     config = Config.from_mapping(whole.mapping)
@@ -260,6 +261,7 @@ def test_where_no_ambient_temperature_is_measured_that_of_the_calibration_is_tak
     assert np.abs(with_m - without_m).mean() < 0.002 * whole.config.wire.full_stroke_m
 
 
+@pytest.mark.long
 def test_a_wire_in_a_tube_is_found_to_have_warm_surroundings_and_a_bare_one_none(whole, sleeved):
     """Of the tube the inner conductance is 3.0 and the outer 1.7: it takes 3.0 of 4.7, 64 %, of the rise."""
     found = identify(sleeved.logs, sleeved.mapping, "whole_range").mapping["model"]

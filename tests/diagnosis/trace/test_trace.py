@@ -138,6 +138,7 @@ def test_what_has_no_name_stays_without(wire, config, hidden, by_its_form):
         assert f"It looks like {most} (" in said
 
 
+@pytest.mark.long
 def test_an_effect_with_which_the_model_is_worse_than_without_is_none(wire, config):
     """Errors that are usual together are cheap, so an offset may seem likely that makes all errors larger."""
     found = traced(wire, config, {"lvdt_nonlinearity": 4e-4})
