@@ -71,8 +71,10 @@ class Hypothesis:
 class Rows:
     """What all hypotheses about some logs are held against."""
 
-    def __init__(self, evidence: Evidence):
+    def __init__(self, evidence: Evidence, forms: Sequence[float] = FORMS):
+        """``forms``: how far off the form of an effect may be, each as likely."""
         self.evidence = evidence
+        self._forms = forms
         predictions = evidence.predict({})
         #: Rows of the model as it is, and the same without Huber's limit.
         self.plain, self.off = evidence.rows(predictions), evidence.off(predictions)
@@ -87,7 +89,7 @@ class Rows:
         columns = (LIMITS.smooth * self.smooth.repeating, *more) if self.smooth is not None else ()
         return Covariance(*columns, as_one=self.as_one)
 
-    def of(self, found: Likeliest, shares: Sequence[float] = FORMS) -> tuple[float, Covariance]:
+    def of(self, found: Likeliest, shares: Sequence[float]) -> tuple[float, Covariance]:
         """Logarithm of the evidence of some effects whose form is off by one of these shares of what they move, each as
         likely, over any one thing that errors may go with; and the likeliest covariance."""
         if self.smooth is None:
@@ -140,7 +142,7 @@ class Rows:
     ) -> Hypothesis:
         """These effects have, together; ``known``: parameters of some of them, to start from."""
         found = likeliest(self.evidence, candidates, self.usual, known)
-        evidence, best = self.of(found)
+        evidence, best = self.of(found, self._forms)
         likelihood, by_row = _likelihood(best, found.rows)
         names = tuple(c.name for c in candidates)
         # Errors that are usual as one are cheap together, so a fit may raise them all to get rid of what is not.

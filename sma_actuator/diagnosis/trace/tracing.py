@@ -133,13 +133,13 @@ def _alone(
 
     How far a model is usually off depends on the place, and what has happened may make it mistake that: a resistance
     that is off by a lead has the floor of another one.  So effects are looked for with one floor everywhere, in fewer
-    readings, and then all are held against that of where the likeliest has the wire: the same for all, so none can buy
-    its rest.  What a model leaves beyond its floor has one everywhere anyway.
+    readings and by their own forms, and then all are held against that of where the likeliest has the wire: the same
+    for all, so none can buy its rest.  What a model leaves beyond its floor has one everywhere anyway.
     """
     if evidence.beyond_floor:
         rows = Rows(evidence)
         return rows, fitted(rows, [(each, None) for each in candidates], jobs, progress, "effects")
-    anywhere = Rows(evidence.seldom_and_anywhere())
+    anywhere = Rows(evidence.seldom_and_anywhere(), forms=(0.0,))
     found = fitted(anywhere, [(each, None) for each in candidates], jobs, progress, "effects")
     best = max(found, key=lambda one: -np.inf if one.why_none else one.log_evidence, default=None)
     if best is not None and not best.why_none and best.log_evidence > anywhere.nothing().log_evidence:
