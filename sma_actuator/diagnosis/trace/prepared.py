@@ -39,7 +39,7 @@ class Prepared:
         if all(log["time_s"][0] > before["time_s"][-1] for before, log in itertools.pairwise(by_clock)):
             logs = by_clock
         time_constant_s = config.thermal.heat_capacity / config.thermal.heat_loss
-        step_s = float(np.median(np.concatenate([np.diff(log["time_s"]) for log in logs])))
+        step_s = max((log.period_s for log in logs if len(log) > 1), default=math.inf)
         thin = max(1, math.ceil(sum(map(len, logs)) / LARGEST), int(time_constant_s / (readings * step_s)))
         whole = [piece for log in logs for piece in sessions(make_experiment(log, config))]
         good = [_judged(experiment, chain()) for experiment in whole]

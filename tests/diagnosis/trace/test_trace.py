@@ -537,11 +537,19 @@ def changed(log, **columns):
     [
         (lambda log: changed(log, lvdt_current_A=None), "displacement"),
         (lambda log: log.slice(0, 120), "shorter than a cycle|never moves"),
+        (lambda log: log.slice(0, 1), "never moves"),
         (lambda log: changed(log, lvdt_current_A=np.full(len(log), 0.012)), "displacement never moves"),
         (lambda log: changed(log, supply_voltage_V=6.0 * log["supply_voltage_V"]), "resistance"),
         (lambda log: BenchLog(log.columns, {"wire": {"length_m": 0.3}}, log.source), "another wire"),
     ],
-    ids=["no reference", "shorter than a cycle", "a channel that stands", "another circuit", "another wire"],
+    ids=[
+        "no reference",
+        "shorter than a cycle",
+        "one reading",
+        "a channel that stands",
+        "another circuit",
+        "another wire",
+    ],
 )
 def test_bad_logs_are_refused_in_a_sentence(wire, config, spoil, said):
     log = session(wire[0], logs=1)[0]
