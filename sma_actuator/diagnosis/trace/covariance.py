@@ -57,7 +57,8 @@ class SmoothErrors:
     def __init__(self, evidence: Evidence, predictions: list[Prediction]):
         found = quantities(evidence, predictions)
         samples, rows = evidence.rows_of_samples, len(evidence.unit_of_row)
-        self._weight = np.concatenate((evidence.sample_weight, np.ones(rows - samples)))
+        #: Root of how many readings each row counts as, shape (rows,).
+        self.weight = np.concatenate((evidence.sample_weight, np.ones(rows - samples)))
         nowhere = np.zeros(samples)
         place = _hats(found.get("displacement_m", nowhere), KNOTS)
         heating = (found.get("branch", nowhere) > 0.5)[:, None]
@@ -88,7 +89,7 @@ class SmoothErrors:
         what an effect does is not mistaken for it.
         """
         large = Covariance(self.repeating, *(LARGE * columns for columns in self.new.values()))
-        left = large.whiten(large.whiten(rows))[: evidence.rows_of_samples]
+        left = large.inverse(rows)[: evidence.rows_of_samples]
         log = np.repeat(np.arange(len(evidence.logs.compared)), [len(here) for here in evidence.logs.compared])
         time_s = np.concatenate(
             [t.signals.time_s[here] for t, here in zip(evidence.logs.experiments, evidence.logs.compared, strict=True)]
@@ -98,14 +99,14 @@ class SmoothErrors:
         return max(shared_s * float(evidence.independent.sum()) / lasts_s, 1.0)
 
     def _columns(self, of_samples: np.ndarray, of_others: np.ndarray) -> np.ndarray:
-        out = np.zeros((len(self._weight), of_samples.shape[1] + of_others.shape[1]))
+        out = np.zeros((len(self.weight), of_samples.shape[1] + of_others.shape[1]))
         out[: len(of_samples), : of_samples.shape[1]] = of_samples
         out[len(of_samples) :, of_samples.shape[1] :] = of_others
-        return out * self._weight[:, None]
+        return out * self.weight[:, None]
 
     def of_form(self, moved: np.ndarray, over: str) -> np.ndarray:
         """What is off where an effect moves the rows by ``moved`` and its form is not quite its own, (rows, …)."""
-        return self.of_forms[over] * np.abs(moved / self._weight)[:, None]
+        return self.of_forms[over] * np.abs(moved / self.weight)[:, None]
 
 
 def _products(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -122,33 +123,54 @@ def _hats(values: np.ndarray, number: int) -> np.ndarray:
 
 
 class Covariance:
-    """I + V Vᵀ of rows, tempered."""
+    """D² + V Vᵀ of rows, tempered; D: how far off each is by itself."""
 
-    def __init__(self, *columns: np.ndarray, as_one: float = 1.0):
-        """``columns``: what is off together, (rows, …) each; ``as_one``: readings that share their error."""
+    def __init__(
+        self,
+        *columns: np.ndarray,
+        as_one: float = 1.0,
+        alone: np.ndarray | None = None,
+        counts: np.ndarray | None = None,
+    ):
+        """``columns``: what is off together, (rows, …) each; ``as_one``: readings that share their error; ``alone``: D,
+        one where nothing is said; ``counts``: as how many readings each row counts."""
         self._as_one = as_one
         # Without smooth errors nobody says what is off together; what is found so is held against other logs later.
         self._root = math.sqrt(LIMITS.tempering / as_one) if columns else 1.0
         self._columns = np.column_stack(columns) if columns else None
-        together = self._root * self._columns if self._columns is not None else np.zeros((1, 0))
+        self._alone, self._counts = alone, counts
+        together = self._root * self._by_itself(self._columns) if self._columns is not None else np.zeros((1, 0))
         squares, vectors = np.linalg.eigh(together.T @ together)
         some = squares > 1e-9 * max(float(squares.max(initial=0.0)), 1e-9)
         self._along = together @ (vectors[:, some] / np.sqrt(squares[some]))
         self._shrink = 1.0 - 1.0 / np.sqrt(1.0 + squares[some])
         #: Logarithm of the determinant.
         self.log_determinant = float(np.sum(np.log1p(squares[some])))
+        if alone is not None:
+            self.log_determinant += 2.0 * self._root**2 * float(np.log(alone) @ (1.0 if counts is None else counts))
 
     def of(self, seen: np.ndarray) -> Covariance:
         """The same of some of the rows (bool)."""
         columns = () if self._columns is None else (self._columns[seen],)
-        return Covariance(*columns, as_one=self._as_one)
+        alone, counts = (None if each is None else each[seen] for each in (self._alone, self._counts))
+        return Covariance(*columns, as_one=self._as_one, alone=alone, counts=counts)
 
     def whiten(self, rows: np.ndarray) -> np.ndarray:
         """Rows, (n,) or (n, m), that are independent of each other and of size one where nothing has happened."""
-        if not len(self._shrink):
-            return self._root * rows
-        return self._root * (rows - self._along @ (self._shrink * (self._along.T @ rows).T).T)
+        return self._apart(self._by_itself(rows))
+
+    def inverse(self, rows: np.ndarray) -> np.ndarray:
+        """The inverse of this covariance times rows."""
+        return self._by_itself(self._apart(self.whiten(rows)))
 
     def log_likelihood(self, squares: float) -> float:
         """Logarithm of the likelihood of whitened rows with this sum of squares, up to what is common to all."""
         return -0.5 * (squares + self.log_determinant)
+
+    def _by_itself(self, rows: np.ndarray) -> np.ndarray:
+        return rows if self._alone is None else (rows.T / self._alone).T
+
+    def _apart(self, rows: np.ndarray) -> np.ndarray:
+        if not len(self._shrink):
+            return self._root * rows
+        return self._root * (rows - self._along @ (self._shrink * (self._along.T @ rows).T).T)

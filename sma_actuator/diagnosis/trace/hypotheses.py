@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain, combinations, product
 
@@ -29,6 +29,9 @@ from .limits import LIMITS
 
 NOTHING, SOMETHING_ELSE = "nothing", "something else"
 LARGER = (3.0, 10.0, 30.0)  #: σ: how large the smooth errors of something else may be, each as likely
+#: How many times as far off as usual readings may be that go with nothing, each as likely.
+LOUDER = (2.0, 4.0, 8.0)
+GOES_WITH_NOTHING = "nothing that was looked at"
 PROMISING = 20  #: pairs that are sketched, of all
 BEST_FEW = 4  #: single effects that something else is held beside, and may look like
 IN_EARNEST = 5  #: pairs that are fitted, at the most
@@ -89,6 +92,22 @@ class Rows:
         columns = (LIMITS.smooth * self.smooth.repeating, *more) if self.smooth is not None else ()
         return Covariance(*columns, as_one=self.as_one)
 
+    def _unnamed(self) -> Iterator[tuple[str, list[Covariance]]]:
+        """What something else may go with, and the covariances that it may have."""
+        if self.smooth is None:
+            raise ValueError("without smooth errors there is nothing that something else could be")
+        for what, columns in self.smooth.new.items():
+            yield what, [self._covariance(size * columns) for size in LARGER]
+        usual, counts = LIMITS.smooth * self.smooth.repeating, self.smooth.weight**2
+        of_sample = np.arange(len(counts)) < self.evidence.rows_of_samples
+        yield (
+            GOES_WITH_NOTHING,
+            [
+                Covariance(usual, as_one=self.as_one, alone=np.where(of_sample, times, 1.0), counts=counts)
+                for times in LOUDER
+            ],
+        )
+
     def of(self, found: Likeliest, shares: Sequence[float]) -> tuple[float, Covariance]:
         """Logarithm of the evidence of some effects whose form is off by one of these shares of what they move, each as
         likely, over any one thing that errors may go with; and the likeliest covariance."""
@@ -111,18 +130,16 @@ class Rows:
 
         Of these the best few count; the others add nothing.  Raises ValueError without smooth errors.
         """
-        if self.smooth is None:
-            raise ValueError("without smooth errors there is nothing that something else could be")
         by_what: dict[str, list[float]] = {}
         alone, number = [], len(effects)
         possible = [one for one in effects if not one.objection]
         best_few = sorted(possible, key=lambda one: -one.log_evidence)[:BEST_FEW]
-        for what, columns in self.smooth.new.items():
-            for size in LARGER:
-                covariance = self._covariance(size * columns)
+        for what, covariances in self._unnamed():
+            for covariance in covariances:
                 alone.append(_likelihood(covariance, self.plain))
                 evidence = alone[-1][0]
-                if best_few:
+                # What an effect leaves is always a little louder: its form is not quite its own.
+                if best_few and what != GOES_WITH_NOTHING:
                     with_one = [one.fitted.log_evidence(covariance) for one in best_few]
                     evidence = _mean([evidence, float(np.logaddexp.reduce(with_one)) - math.log(number)])
                 by_what.setdefault(what, []).append(evidence)
@@ -188,7 +205,7 @@ def _mean(logarithms: Sequence[float]) -> float:
 
 def _likelihood(covariance: Covariance, rows: np.ndarray) -> tuple[float, np.ndarray]:
     """Its logarithm, and each row's part of the squares."""
-    by_row = rows * covariance.whiten(covariance.whiten(rows))
+    by_row = rows * covariance.inverse(rows)
     return covariance.log_likelihood(float(np.sum(by_row))), by_row
 
 

@@ -36,8 +36,8 @@ def test_whitened_rows_are_those_of_the_inverse_matrix():
 
 def test_whitening_rows_twice_applies_the_inverse_and_many_at_once_are_each_alone():
     covariance = Covariance(COLUMNS)
-    twice = covariance.whiten(covariance.whiten(ROWS))
-    np.testing.assert_allclose(twice, np.linalg.solve(dense(COLUMNS), ROWS), atol=1e-10)
+    np.testing.assert_allclose(covariance.whiten(covariance.whiten(ROWS)), covariance.inverse(ROWS), atol=1e-10)
+    np.testing.assert_allclose(covariance.inverse(ROWS), np.linalg.solve(dense(COLUMNS), ROWS), atol=1e-10)
     np.testing.assert_allclose(covariance.whiten(COLUMNS)[:, 3], covariance.whiten(COLUMNS[:, 3]), atol=1e-10)
 
 
@@ -62,6 +62,20 @@ def test_readings_that_share_their_error_count_as_one_in_all_rows_and_in_some():
     assert squares(fewer) == pytest.approx(float(ROWS @ np.linalg.solve(matrix, ROWS)))
     some = float(ROWS[seen] @ np.linalg.solve(matrix[np.ix_(seen, seen)], ROWS[seen]))
     assert squares(fewer.of(seen), ROWS[seen]) == pytest.approx(some)
+
+
+def test_rows_that_are_further_off_by_themselves_are_as_in_the_matrix_and_cost_as_many_readings_as_they_count():
+    alone, counts = RNG.uniform(1.0, 4.0, N), RNG.uniform(0.1, 1.0, N)
+    matrix = COLUMNS @ COLUMNS.T + np.diag(alone**2) / LIMITS.tempering
+    covariance = Covariance(COLUMNS, alone=alone, counts=counts)
+    assert squares(covariance) == pytest.approx(float(ROWS @ np.linalg.solve(matrix, ROWS)))
+    np.testing.assert_allclose(covariance.inverse(ROWS), np.linalg.solve(matrix, ROWS), atol=1e-10)
+    together = np.linalg.slogdet(np.eye(N) + LIMITS.tempering * (COLUMNS / alone[:, None]) @ (COLUMNS.T / alone))[1]
+    apart = LIMITS.tempering * float(counts @ np.log(alone**2))
+    assert covariance.log_determinant == pytest.approx(together + apart)
+    seen = np.arange(N) % 2 > 0
+    some = float(ROWS[seen] @ np.linalg.solve(matrix[np.ix_(seen, seen)], ROWS[seen]))
+    assert squares(covariance.of(seen), ROWS[seen]) == pytest.approx(some)
 
 
 def test_the_likelihood_is_the_normal_one_up_to_what_is_common_to_all():
