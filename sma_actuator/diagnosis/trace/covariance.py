@@ -125,20 +125,14 @@ def _hats(values: np.ndarray, number: int) -> np.ndarray:
 class Covariance:
     """D² + V Vᵀ of rows, tempered; D: how far off each is by itself."""
 
-    def __init__(
-        self,
-        *columns: np.ndarray,
-        as_one: float = 1.0,
-        alone: np.ndarray | None = None,
-        counts: np.ndarray | None = None,
-    ):
+    def __init__(self, *columns: np.ndarray, as_one: float = 1.0, alone: tuple[np.ndarray, np.ndarray] | None = None):
         """``columns``: what is off together, (rows, …) each; ``as_one``: readings that share their error; ``alone``: D,
-        one where nothing is said; ``counts``: as how many readings each row counts."""
+        where it is not one, and as how many readings each row counts."""
         self._as_one = as_one
         # Without smooth errors nobody says what is off together; what is found so is held against other logs later.
         self._root = math.sqrt(LIMITS.tempering / as_one) if columns else 1.0
         self._columns = np.column_stack(columns) if columns else None
-        self._alone, self._counts = alone, counts
+        self._alone = alone
         together = self._root * self._by_itself(self._columns) if self._columns is not None else np.zeros((1, 0))
         squares, vectors = np.linalg.eigh(together.T @ together)
         some = squares > 1e-9 * max(float(squares.max(initial=0.0)), 1e-9)
@@ -147,13 +141,14 @@ class Covariance:
         #: Logarithm of the determinant.
         self.log_determinant = float(np.sum(np.log1p(squares[some])))
         if alone is not None:
-            self.log_determinant += 2.0 * self._root**2 * float(np.log(alone) @ (1.0 if counts is None else counts))
+            size, counts = alone
+            self.log_determinant += 2.0 * self._root**2 * float(np.log(size) @ counts)
 
     def of(self, seen: np.ndarray) -> Covariance:
         """The same of some of the rows (bool)."""
         columns = () if self._columns is None else (self._columns[seen],)
-        alone, counts = (None if each is None else each[seen] for each in (self._alone, self._counts))
-        return Covariance(*columns, as_one=self._as_one, alone=alone, counts=counts)
+        alone = None if self._alone is None else (self._alone[0][seen], self._alone[1][seen])
+        return Covariance(*columns, as_one=self._as_one, alone=alone)
 
     def whiten(self, rows: np.ndarray) -> np.ndarray:
         """Rows, (n,) or (n, m), that are independent of each other and of size one where nothing has happened."""
@@ -168,7 +163,7 @@ class Covariance:
         return -0.5 * (squares + self.log_determinant)
 
     def _by_itself(self, rows: np.ndarray) -> np.ndarray:
-        return rows if self._alone is None else (rows.T / self._alone).T
+        return rows if self._alone is None else (rows.T / self._alone[0]).T
 
     def _apart(self, rows: np.ndarray) -> np.ndarray:
         if not len(self._shrink):

@@ -88,9 +88,9 @@ class Rows:
         #: Of a session in which nothing has happened.
         self.usual = self._covariance()
 
-    def _covariance(self, *more: np.ndarray) -> Covariance:
+    def _covariance(self, *more: np.ndarray, alone: tuple[np.ndarray, np.ndarray] | None = None) -> Covariance:
         columns = (LIMITS.smooth * self.smooth.repeating, *more) if self.smooth is not None else ()
-        return Covariance(*columns, as_one=self.as_one)
+        return Covariance(*columns, as_one=self.as_one, alone=alone)
 
     def _unnamed(self) -> Iterator[tuple[str, list[Covariance]]]:
         """What something else may go with, and the covariances that it may have."""
@@ -98,15 +98,10 @@ class Rows:
             raise ValueError("without smooth errors there is nothing that something else could be")
         for what, columns in self.smooth.new.items():
             yield what, [self._covariance(size * columns) for size in LARGER]
-        usual, counts = LIMITS.smooth * self.smooth.repeating, self.smooth.weight**2
+        counts = self.smooth.weight**2
         of_sample = np.arange(len(counts)) < self.evidence.rows_of_samples
-        yield (
-            GOES_WITH_NOTHING,
-            [
-                Covariance(usual, as_one=self.as_one, alone=np.where(of_sample, times, 1.0), counts=counts)
-                for times in LOUDER
-            ],
-        )
+        louder = [(np.where(of_sample, times, 1.0), counts) for times in LOUDER]
+        yield GOES_WITH_NOTHING, [self._covariance(alone=alone) for alone in louder]
 
     def of(self, found: Likeliest, shares: Sequence[float]) -> tuple[float, Covariance]:
         """Logarithm of the evidence of some effects whose form is off by one of these shares of what they move, each as

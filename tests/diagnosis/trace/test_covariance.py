@@ -67,7 +67,7 @@ def test_readings_that_share_their_error_count_as_one_in_all_rows_and_in_some():
 def test_rows_that_are_further_off_by_themselves_are_as_in_the_matrix_and_cost_as_many_readings_as_they_count():
     alone, counts = RNG.uniform(1.0, 4.0, N), RNG.uniform(0.1, 1.0, N)
     matrix = COLUMNS @ COLUMNS.T + np.diag(alone**2) / LIMITS.tempering
-    covariance = Covariance(COLUMNS, alone=alone, counts=counts)
+    covariance = Covariance(COLUMNS, alone=(alone, counts))
     assert squares(covariance) == pytest.approx(float(ROWS @ np.linalg.solve(matrix, ROWS)))
     np.testing.assert_allclose(covariance.inverse(ROWS), np.linalg.solve(matrix, ROWS), atol=1e-10)
     together = np.linalg.slogdet(np.eye(N) + LIMITS.tempering * (COLUMNS / alone[:, None]) @ (COLUMNS.T / alone))[1]
