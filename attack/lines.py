@@ -84,6 +84,9 @@ _MEANS_OTHERWISE = {
 #: It starts anew with the current on and without what it was told, and is not to be reached meanwhile.
 _REBOOT = Mischief("reboot", "none")
 REBOOTS_WITHIN_s = 1.0
+#: It takes so long for each line, so that off comes after what was said before: a question and the bias current.
+_SLOW = Mischief("slow", "questions", delay_s=0.7)
+_WORDS_BEFORE_OFF = 2
 QUIET_WATCHDOGS = 1.25  #: so long the driver promises to be silent, in delays of the watchdog
 LOAD, DISPLACEMENT = 2, 3  #: fields of the DAQ's answer
 #: Answers each of which by itself may be true, of a wire that is moved: the fault that says so, and after how many
@@ -113,6 +116,7 @@ ALL = (
     *((role, Mischief("padded")) for role in _MEANS_OTHERWISE),
     ("supply", _REBOOT),
     *(("daq", mischief) for mischief in _LIES),
+    ("supply", _SLOW),
 )
 
 
@@ -168,7 +172,7 @@ class Line:
         self.outputs.clear()
         began_s = time.monotonic()
         proxy.spoil(mischief)
-        if mischief in _ENDS_THE_TALK:
+        if mischief in (*_ENDS_THE_TALK, _SLOW):
             self._must_go_off(mischief, began_s, self._talk_ends_within_s(role, mischief))
         elif mischief in _FORGETS:
             self._driver.offer_setpoint(self._chance.choice((0.001, 0.003)))  # so that it is told something
@@ -244,7 +248,8 @@ class Line:
     def _must_go_off(self, mischief: Mischief, began_s: float, within_s: float) -> None:
         role, within_s = self.present[0], within_s + MEASURING_s
         if mischief.touches("questions"):
-            within_s += mischief.delay_s  # "off" itself is on its way for so long
+            # "off" itself is on its way for so long
+            within_s += mischief.delay_s * (1 + (_WORDS_BEFORE_OFF if mischief == _SLOW else 0))
         took_s = self.stand.off_within_s(began_s, 4.0)
         if not took_s <= within_s:
             took = "not within 4 s" if math.isnan(took_s) else f"after {took_s:.2f} s"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import collections
 import contextlib
+import queue
 import random
 import re
 import socket
@@ -18,6 +19,7 @@ from dataclasses import dataclass
 
 TRICKLE_s = 0.1  #: between two bytes of an answer without an end
 EXTRA_LINES = 25
+_END = (0.0, b"")  #: after the last line
 _NUMBER = re.compile(rb"[+-]?\d+\.?\d*(?:E[+-]?\d+)?")
 _FIELD = re.compile(rb"[^;,\r\n]+")
 
@@ -28,7 +30,7 @@ class Mischief:
 
     kind: str
     direction: str = "answers"
-    delay_s: float = 0.0  #: of "late"
+    delay_s: float = 0.0  #: of "late", on its way for so long; of "slow", which takes so long for each line
     words: str = ""  #: of "slip in"
     fields: tuple[int, ...] = ()  #: of an answer, where it is some of them
 
@@ -109,12 +111,14 @@ class Proxy:
                 threading.Thread(target=self._pass, args=(source, sink, direction), name="proxy", daemon=True).start()
 
     def _pass(self, source: socket.socket, sink: socket.socket, direction: str) -> None:
-        with contextlib.suppress(OSError, ValueError), source.makefile("rb") as lines:
-            for line in lines:
+        lines: queue.SimpleQueue[tuple[float, bytes]] = queue.SimpleQueue()
+        threading.Thread(target=self._take_in, args=(source, lines), name="proxy", daemon=True).start()
+        with contextlib.suppress(OSError, ValueError):
+            for came_s, line in iter(lines.get, _END):
                 mischief = self.mischief
                 if mischief.touches(direction):
                     self.spoilt += 1
-                    self._send_spoilt(sink, line, mischief, direction)
+                    self._send_spoilt(sink, line, came_s, mischief, direction)
                 else:
                     self._put(sink, line, direction)
         for each in (source, sink):
@@ -124,18 +128,27 @@ class Proxy:
             with self._gate:
                 self._sockets.discard(each)
 
+    @staticmethod
+    def _take_in(source: socket.socket, lines: queue.SimpleQueue[tuple[float, bytes]]) -> None:
+        """When each line came: one that is held back does not hold back the next."""
+        with contextlib.suppress(OSError, ValueError), source.makefile("rb") as came:
+            for line in came:
+                lines.put((time.monotonic(), line))
+        lines.put(_END)
+
     def _put(self, sink: socket.socket, data: bytes, direction: str) -> None:
         if data and direction == "questions":
             self.heard_s.append(time.monotonic())
         sink.sendall(data)
 
-    def _send_spoilt(self, sink: socket.socket, line: bytes, mischief: Mischief, direction: str) -> None:
+    def _send_spoilt(self, sink: socket.socket, line: bytes, came_s: float, mischief: Mischief, direction: str) -> None:
         if mischief.kind == "trickle":
             self._trickle(sink, mischief)
             return
         while mischief.kind == "flood" and self.mischief is mischief and not self._ending.is_set():
             sink.sendall(b"9" * 65536)
-        time.sleep(mischief.delay_s)
+        from_s = came_s if mischief.kind == "late" else time.monotonic()
+        time.sleep(max(from_s + mischief.delay_s - time.monotonic(), 0.0))
         self._put(sink, self._spoilt(line, mischief), direction)
 
     def _spoilt(self, line: bytes, mischief: Mischief) -> bytes:
@@ -143,6 +156,7 @@ class Proxy:
         first = self.spoilt == 1
         kinds: dict[str, Callable[[], bytes]] = {
             "late": lambda: line,
+            "slow": lambda: line,
             "drop": lambda: b"",
             "flood": lambda: b"",
             "duplicate": lambda: line + line,
