@@ -64,7 +64,7 @@ def _wants(acknowledgement: str) -> Callable[[Mapping[str, Any]], bool]:
         supply = mapping.get("instruments", {}).get("supply", {})
         return (
             "dialect" in supply
-            and acknowledgement in abilities_of(Dialect.load(supply["dialect"], "supply")).unsafe_states()
+            and acknowledgement in abilities_of(Dialect.load(supply["dialect"], "supply"), watched=True).unsafe_states()
         )
 
     return when

@@ -33,8 +33,7 @@ def _identify(session: Session, dialect: Dialect, queries: Mapping[str, Query]) 
     if "identity" not in queries:
         return f"{dialect.family} (not asked)"
     identity = session.introduce(queries["identity"].text, dialect.identity)
-    if not dialect.identity.search(identity):
-        session.close()
+    if not dialect.identity.search(identity):  # so that it was waited for in vain, and the connection is given up
         raise InstrumentRefused(
             f"{session.name}: says it is '{identity}', which is no {dialect.family}; "
             f"instruments.{session.role}.resource or instruments.{dialect.kind}.dialect is wrong"
@@ -71,7 +70,7 @@ def _read_back(dialect: Dialect) -> frozenset[str]:
     return frozenset(what for what, is_told in told.items() if is_told)
 
 
-def abilities_of(dialect: Dialect, watched: bool = True) -> Abilities:
+def abilities_of(dialect: Dialect, watched: bool) -> Abilities:
     """What a supply of this dialect can do for a wire that nobody looks after; ``watched``: its watchdog is to be
     used."""
     told = _read_back(dialect)

@@ -187,6 +187,13 @@ class TestSupply:
                 one.open()
         assert "OUTP ON" not in server.lines
 
+    def test_of_such_a_queue_that_nothing_clears_twenty_errors_are_taken_for_others(self, supply):
+        one, server = supply(lambda document: document["commands"].update(clear_status=None))
+        server.replies[":SYST:ERR?"] = '-350,"Queue overflow"'
+        with pytest.raises(InstrumentRefused, match="refused its configuration: -350"):
+            one.open()
+        assert server.lines.count(":SYST:ERR?") == 20 + 1
+
     @pytest.mark.parametrize("reply", ["No error", '"0"', "0.5"])
     def test_an_error_without_a_number_is_no_answer(self, supply, reply):
         one, server = supply()
