@@ -19,6 +19,7 @@ from sma_actuator.base.signals import Command, Estimate, Reading, Signals, Suppl
 from .alive import LoadAlive, Repeats
 from .drift import CurrentsApart, VoltagesApart
 from .formula import Formula
+from .lately import Lately
 from .parameters import SafetySections
 from .thermal import WireHeat
 
@@ -139,6 +140,9 @@ class Memory:
     load_alive: LoadAlive = field(default_factory=LoadAlive)
     currents: CurrentsApart = field(default_factory=CurrentsApart)
     voltages: VoltagesApart = field(default_factory=VoltagesApart)
+    told_A: Lately = field(default_factory=Lately)  #: what the supply was told
+    supply_A: Lately = field(default_factory=Lately)  #: what it measures
+    supply_V: Lately = field(default_factory=Lately)
     since_s: dict[str, float] = field(default_factory=dict)  #: since when a condition holds
     count: dict[str, int] = field(default_factory=dict)  #: how many times running
     owed: dict[str, float] = field(default_factory=dict)  #: leaky counts

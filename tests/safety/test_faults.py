@@ -485,6 +485,22 @@ def test_somebody_else_switching_the_output_on_prevents_enabling(make_rig):
     assert not rig.actuator.enable(rig.now_s, True)[0]
 
 
+@pytest.mark.parametrize("behind", [1, 4])
+def test_a_daq_that_is_late_by_two_tenths_of_a_second_is_no_disagreement(make_rig, behind):
+    rig, late = make_rig(), []
+    rig.enable()
+
+    def shown(reading):
+        late.append(reading)
+        return replace(late[-1 - behind] if len(late) > behind else reading, time_s=reading.time_s)
+
+    rig.reading_of = shown
+    for position_m in (0.0030, 0.0010, 0.0025, 0.0005):
+        rig.track(position_m)
+        rig.run(4.0)
+        assert rig.status.fault == "", rig.status.message
+
+
 def test_current_while_the_output_is_off_is_a_disagreement(make_rig):
     rig = make_rig()
     rig.reading_of = lambda r: replace(r, reference_voltage_V=0.1, supply_voltage_V=0.6)

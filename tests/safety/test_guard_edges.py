@@ -347,8 +347,53 @@ def test_current_and_voltage_may_differ_by_the_tolerance(step, config):
         memory = Memory(**MEMORY)
         said(guard, step(memory=memory, **{**none, name: tolerance}))
         assert memory.since_s == {}
+        memory = Memory(**MEMORY)
         said(guard, step(memory=memory, **{**none, name: math.nextafter(tolerance, 1.0)}))
-        assert memory.since_s == {guard.name: NOW_s}
+        assert memory.since_s == dict.fromkeys((guard.name, f"{guard.name}, however late"), NOW_s)
+
+
+class TestADaqThatIsLate:
+    """While the current moves it shows another one than is told: that of a moment before."""
+
+    @pytest.fixture
+    def driven(self, config, step):
+        """``driven(guard, currents, behind, period_s)``: until when nothing is said, where the DAQ is readings behind;
+        None: ever."""
+
+        def driven(guard, currents, behind, period_s):
+            memory = Memory(**MEMORY)
+            at_rate = replace(config, loop=replace(config.loop, rate=1.0 / period_s))
+            for number, current_A in enumerate(currents):
+                shown_A, now_s = currents[max(number - behind, 0)], NOW_s + number * period_s
+                signals = {"signals__current_A": shown_A, "reading": replace(READING, supply_voltage_V=6.5 * shown_A)}
+                supply = {"supply__current_A": current_A, "supply__voltage_V": 6.5 * current_A}
+                told = Command(current_A, True)
+                made = step(config=at_rate, memory=memory, now_s=now_s, told=told, **signals, **supply)
+                if said(guard, made):
+                    return number * period_s
+            return None
+
+        return driven
+
+    @pytest.mark.parametrize("guard", [supply_disagrees, measurements_disagree], ids=lambda guard: guard.name)
+    @pytest.mark.parametrize(("period_s", "behind"), [(0.05, 1), (0.05, 4), (0.1, 2), (0.5, 1), (0.5, 2)])
+    def test_by_two_tenths_of_a_second_or_two_readings_is_not_accused(self, driven, guard, period_s, behind):
+        to_and_fro = [0.2 + 0.15 * math.sin(3.0 * number * period_s) for number in range(400)]
+        assert driven(guard, to_and_fro, behind, period_s) is None
+
+    @pytest.mark.parametrize("guard", [supply_disagrees, measurements_disagree], ids=lambda guard: guard.name)
+    @pytest.mark.parametrize(("period_s", "behind"), [(0.05, 7), (0.1, 4), (0.5, 4)])
+    def test_by_more_is(self, driven, guard, period_s, behind):
+        ramp = [0.05 + 0.2 * min(number * period_s, 2.0) for number in range(100)]
+        assert driven(guard, ramp, behind, period_s) is not None
+
+    @pytest.mark.parametrize("guard", [supply_disagrees, measurements_disagree], ids=lambda guard: guard.name)
+    @pytest.mark.parametrize("period_s", [0.02, 0.05, 0.1, 0.5])
+    def test_a_supply_that_stands_still_is_found_in_the_promised_time(self, driven, config, guard, period_s):
+        """It keeps the current that it had when a setpoint came: all of the step later is off."""
+        step_A = [0.05] + [0.3] * 100
+        at_rate = replace(config, loop=replace(config.loop, rate=1.0 / period_s))
+        assert driven(guard, step_A, 1000, period_s) <= guard.within(at_rate) + 1e-9
 
 
 class TestMeasurementsDisagree:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from math import isfinite
+from math import inf, isfinite
 
 from sma_actuator.safety.drift import FLOOR_A, FLOOR_V, SCALE, LAG_s, METER_LAG_s, WINDOW_s, WINDOWS_s
-from sma_actuator.safety.formula import parameter_value, seconds
+from sma_actuator.safety.formula import longest, parameter_value, seconds
+from sma_actuator.safety.lately import LAG_READINGS
 from sma_actuator.safety.records import Action, Fault, Step, guard
 from sma_actuator.safety.timing import ONE_STEP, READING_TIMEOUT, THREE_STEPS, TWO_STEPS
 
@@ -18,6 +19,9 @@ SETTINGS_CHECKED = seconds(2.0)
 SETTING_TOLERANCE_A = 2e-3
 #: The longer times over which two measurements are averaged, in words.
 LONGER = "{} and {:g}".format(", ".join(f"{window_s:g}" for window_s in WINDOWS_s[1:-1]), WINDOWS_s[-1])
+#: A difference lasts so long; of it only what a DAQ may be late can be because it is late.
+DISAGREES = longest(parameter_value("safety.disagreement_time"), LAG_s, TWO_STEPS)
+HOWEVER_LATE = f"and off all that it was in the {LAG_s:g} s or two readings before, by which the DAQ may be late"
 
 
 @guard(
@@ -116,25 +120,38 @@ def supply_lost(step: Step) -> str:
     return silent(step, step.memory.supply_s, "read-back of the supply") or step.held_up_by("supply")
 
 
+def _disagrees(step: Step, name: str, differs: bool, however_late: bool) -> float:
+    """For how long supply and DAQ have differed [s], the latter also however late it may be; −inf where that has not
+    lasted."""
+    memory, lasts_at_least_s = step.memory, step.config.safety.disagreement_time
+    late_s = max(LAG_s, LAG_READINGS / step.config.loop.rate)
+    lasts_s = memory.lasts_s(name, differs, step.now_s)
+    unlike_s = memory.lasts_s(f"{name}, however late", differs and however_late, step.now_s)
+    return lasts_s if lasts_s >= lasts_at_least_s and unlike_s >= lasts_at_least_s - late_s else -inf
+
+
 @guard(
     words="the supply does not do what it was told",
     remedy="Compare the supply's display with circuit.reference_resistance and the DAQ's channels",
-    detector="measured current off the command by more than safety.current_disagreement for safety.disagreement_time; "
-    "also current that flows while the output is off",
-    within=parameter_value("safety.disagreement_time") + THREE_STEPS,
+    detector="measured current off the command by more than safety.current_disagreement for safety.disagreement_time, "
+    f"{HOWEVER_LATE}; also current that flows while the output is off",
+    within=DISAGREES + THREE_STEPS,
     action=Action.OFF,
     latches=True,
     while_off=True,
 )
 def supply_disagrees(step: Step) -> str:
     """The measured current is not the commanded one."""
+    told_A = step.told.current_A if step.told.output_on else 0.0
+    step.memory.told_A.note(step.now_s, told_A)
     if step.reading is None:
         return ""
-    told_A = step.told.current_A if step.told.output_on else 0.0
     measured_A = step.signals.current_A
     tolerance_A = step.config.safety.current_disagreement
-    lasts_s = step.memory.lasts_s("supply_disagrees", not abs(measured_A - told_A) <= tolerance_A, step.now_s)
-    if not lasts_s >= step.config.safety.disagreement_time:
+    differs = not abs(measured_A - told_A) <= tolerance_A
+    however_late = differs and not step.memory.told_A.off_by(measured_A) <= tolerance_A
+    lasts_s = _disagrees(step, "supply_disagrees", differs, however_late)
+    if not lasts_s >= 0.0:
         return ""
     return (
         f"{measured_A:.3g} A flow, {told_A:.3g} A were commanded, for {lasts_s:.3g} s; safety.current_disagreement "
@@ -147,8 +164,8 @@ def supply_disagrees(step: Step) -> str:
     remedy="Compare what the supply displays with the DAQ's channels: one of them is wired wrongly or answers late",
     detector="while current flows: the supply's own measurement off the DAQ's by more than "
     "safety.current_disagreement, or "
-    "safety.voltage_disagreement, for safety.disagreement_time",
-    within=parameter_value("safety.disagreement_time") + THREE_STEPS,
+    f"safety.voltage_disagreement, for safety.disagreement_time, {HOWEVER_LATE}",
+    within=DISAGREES + THREE_STEPS,
     action=Action.OFF,
     latches=True,
 )
@@ -157,17 +174,22 @@ def measurements_disagree(step: Step) -> str:
     supply, reading, safety = step.supply, step.reading, step.config.safety
     if supply is None or reading is None:
         return ""
-    currents_differ = not abs(supply.current_A - step.signals.current_A) <= safety.current_disagreement
-    differ = currents_differ or not abs(supply.voltage_V - reading.supply_voltage_V) <= safety.voltage_disagreement
-    lasts_s = step.memory.lasts_s("measurements_disagree", differ and step.told.output_on, step.now_s)
-    if not lasts_s >= safety.disagreement_time:
+    memory, tolerance_A, tolerance_V = step.memory, safety.current_disagreement, safety.voltage_disagreement
+    shown_A, shown_V = step.signals.current_A, reading.supply_voltage_V
+    memory.supply_A.note(step.now_s, supply.current_A)
+    memory.supply_V.note(step.now_s, supply.voltage_V)
+    currents_differ = not abs(supply.current_A - shown_A) <= tolerance_A
+    differ = step.told.output_on and (currents_differ or not abs(supply.voltage_V - shown_V) <= tolerance_V)
+    however_late = differ and not (
+        memory.supply_A.off_by(shown_A) <= tolerance_A and memory.supply_V.off_by(shown_V) <= tolerance_V
+    )
+    lasts_s = _disagrees(step, "measurements_disagree", differ, however_late)
+    if not lasts_s >= 0.0:
         return ""
     if currents_differ:
-        what, unit, by_supply, by_daq = "current", "A", supply.current_A, step.signals.current_A
-        tolerance = safety.current_disagreement
+        what, unit, by_supply, by_daq, tolerance = "current", "A", supply.current_A, shown_A, tolerance_A
     else:
-        what, unit, by_supply, by_daq = "voltage", "V", supply.voltage_V, reading.supply_voltage_V
-        tolerance = safety.voltage_disagreement
+        what, unit, by_supply, by_daq, tolerance = "voltage", "V", supply.voltage_V, shown_V, tolerance_V
     return (
         f"{what}: the supply measures {by_supply:.3g} {unit}, the DAQ {by_daq:.3g} {unit}, for {lasts_s:.3g} s; "
         f"safety.{what}_disagreement is {tolerance:g} {unit}"
