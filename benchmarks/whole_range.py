@@ -25,6 +25,7 @@ from replay_tables import TRAINED
 from rich.console import Console
 from rich.table import Table
 
+from sma_actuator.base.calibration import unknown_since_then_m
 from sma_actuator.base.share import shared_file
 from sma_actuator.bench import InProcessDaq, InProcessSupply, Schedule, Spring, VirtualBench, VirtualClock, Weight
 from sma_actuator.characterise import PlanOptions, Rig, characterise, make_plan
@@ -156,7 +157,8 @@ def judge(wire: str, physics: str, options: PlanOptions = WITH_HELD, untrained: 
             experiment = make_experiment(log, config)
             found = Chain(config).run(experiment.signals)
             rows[name].append(np.abs(found.displacement_m - experiment.displacement_m) / full_m * 100.0)
-        rows["inside"].append(np.abs(found.displacement_m - experiment.displacement_m) <= found.uncertainty_m)
+        half_m = found.uncertainty_m + unknown_since_then_m(whole.config.calibration.training)
+        rows["inside"].append(np.abs(found.displacement_m - experiment.displacement_m) <= half_m)
         rows["place"].append(experiment.displacement_m)
         rows["kind"].append(np.full(len(experiment.displacement_m), kind))
     flat = {name: np.concatenate(values) for name, values in rows.items()}

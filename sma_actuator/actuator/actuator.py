@@ -53,7 +53,7 @@ class Actuator:
         require_calibrated(config)
         self._config = config
         self._chain = Chain(config)
-        self._uncertainty = Uncertainty(config.model.build(config.wire), config.calibration.interval)
+        self._uncertainty = Uncertainty(config.model.build(config.wire), config.calibration)
         self._health = ModelHealth(config, config.supply.bias_current)
         self._supervisor = Supervisor(config)
         self._commanding = Commanding()

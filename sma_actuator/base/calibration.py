@@ -28,9 +28,20 @@ COLD_SHARE = 0.4
 OF_BEFORE = ("expected_size", "expected_white")
 
 
+#: Of what a wire's hot end moved while it was calibrated: how much longer such a wire is since then than what was
+#: fitted, which is the mean of the calibration: between nothing, where most came with the first cycles, and half, where
+#: it came evenly; and how far off that is in the mean.
+SINCE_THEN, SINCE_THEN_WITHIN = 0.25, 0.125
+
+
 def left_in_place(share_of_stroke: np.ndarray, cold_share: float = COLD_SHARE) -> np.ndarray:
     """How much of what the hot end has moved is there, shape (n,): all of it contracted, ``cold_share`` cold."""
     return 1.0 - (1.0 - cold_share) * np.clip(share_of_stroke, 0.0, 1.0)
+
+
+def unknown_since_then_m(training: TrainingSection) -> float:
+    """What half a 95 % interval of an estimate has more, of a wire that changed while it was calibrated [m]."""
+    return (SINCE_THEN + 2.0 * SINCE_THEN_WITHIN) * training.changed
 
 
 @dataclass(frozen=True, slots=True)

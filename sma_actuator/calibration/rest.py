@@ -14,11 +14,10 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from sma_actuator.base.calibration import COLD_SHARE, Calibration, RestSection, through
+from sma_actuator.base.calibration import COLD_SHARE, SINCE_THEN, SINCE_THEN_WITHIN, Calibration, RestSection, through
 from sma_actuator.logs.experiments import Experiment
 
 from .stresses import clusters, rounded
-from .training import SINCE_THEN, SINCE_THEN_WITHIN
 
 #: Averaged; no longer than a thermal time constant, since a quick wire rests no longer than that takes, and longer
 #: where readings are so slow that fewer would be.

@@ -20,10 +20,6 @@ from sma_actuator.logs.kinds import PARTIAL, load_numbers, logs_to_fit
 #: does also that grows warmer from pulse to pulse; ten logs hold some sixty cycles.
 STANDS_OUTWARDS, STANDS_INWARDS = 0.0003, 0.0006
 FEWEST_LOGS = 3
-#: Of what a wire's hot end moved while it was calibrated: how much longer such a wire is since then than what was
-#: fitted, which is the mean of the calibration: between nothing, where most came with the first cycles, and half, where
-#: it came evenly; and how far off that is in the mean.
-SINCE_THEN, SINCE_THEN_WITHIN = 0.25, 0.125
 _AGREE = 0.8  #: share of the logs in which it moves the same way
 _ALIKE = 0.1  #: share by which the times may differ that two pulses are heated for
 _AS_HOT = 0.01  #: and the currents with which they end: one of the next lower power is another end

@@ -1,9 +1,10 @@
-"""How far an estimate of a model that says nothing of it may be off: from its calibration, and from how it began.
+"""How far an estimate may be off: from its calibration, and from how it began.
 
-Half of a 95 % interval, of two parts.  What the model leaves on its own calibration logs, at this place and branch: the
-mean residual and twice the scatter about it.  And where on its loop the wire is: after the output was off a measurement
-at the bias current tells the resistance, and the wire may be anywhere between the heating and the cooling curve there;
-as it moves, the loop forgets where it began, and so does this.
+Half of a 95 % interval.  A model of the whole range says it by itself; of the others it has two parts.  What the model
+leaves on its own calibration logs, at this place and branch: the mean residual and twice the scatter about it.  And
+where on its loop the wire is: after the output was off a measurement at the bias current tells the resistance, and the
+wire may be anywhere between the heating and the cooling curve there; as it moves, the loop forgets where it began, and
+so does this.  Of any model that was calibrated on a wire in training: how far that has moved since.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from math import exp, hypot, isfinite, nan
 
 import numpy as np
 
-from sma_actuator.base.calibration import IntervalSection
+from sma_actuator.base.calibration import Calibration, unknown_since_then_m
 from sma_actuator.base.signals import Branch, Estimate, Quality, Signals
 
 from .models import StrainModel, ThermalStrainModel
@@ -27,7 +28,9 @@ FORGOTTEN_SHARE = 0.15
 class Uncertainty:
     """Of one wire's estimate; remembers how much is left of what was not known when it began."""
 
-    def __init__(self, model: StrainModel | ThermalStrainModel, left: IntervalSection):
+    def __init__(self, model: StrainModel | ThermalStrainModel, calibration: Calibration):
+        left = calibration.interval
+        self._since_then_m = unknown_since_then_m(calibration.training)
         #: None where the model says it by itself.
         self._model = None if isinstance(model, ThermalStrainModel) else model
         low_m, high_m = model.displacement_range_m
@@ -59,7 +62,7 @@ class Uncertainty:
             self._before_m = nan
             return nan
         if self._model is None or not self._tables_m:
-            return estimate.uncertainty_m
+            return estimate.uncertainty_m + self._since_then_m
         position_m = estimate.displacement_m
         if isfinite(self._before_m):
             self._unknown_share *= exp(-abs(position_m - self._before_m) / self._forgotten_m)
@@ -68,7 +71,8 @@ class Uncertainty:
         self._before_m = position_m
         heating_m, cooling_m = self._model.limits_m(signals.resistance_Ohm, signals.stress_Pa)
         width_m = max(abs(position_m - heating_m), abs(position_m - cooling_m))
-        return hypot(self._of_calibration(estimate, signals.stress_Pa), self._unknown_share * width_m)
+        usual_m = hypot(self._of_calibration(estimate, signals.stress_Pa), self._unknown_share * width_m)
+        return usual_m + self._since_then_m
 
     def _of_calibration(self, estimate: Estimate, stress_Pa: float) -> float:
         residual_m, scatter_m = self._tables_m[estimate.branch]

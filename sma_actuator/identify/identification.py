@@ -125,9 +125,9 @@ def identify(
             everything = without_misjudged(make_experiments(logs, bench, fitter.remembers))
     fatigued = [t for t in everything if t.kind == "fatigue"]
     experiments = [t for t in everything if t.kind != "fatigue"]
-    change_m = 0.0 if fitter.any_size else change_while_measured_m(logs, bench)
-    fitted = fitter.fit(experiments, bench, Asked(method, variant, order, progress, change_m))
+    fitted = fitter.fit(experiments, bench, Asked(method, variant, order, progress))
     notes += at_odds + list(fitted.notes)
+    change_m = 0.0 if fitter.any_size else change_while_measured_m(logs, bench)
     if change_m:
         notes.append(words_of(change_m, bench.wire.full_stroke_m))
     reasons |= _follow_anew(mapping, follows)

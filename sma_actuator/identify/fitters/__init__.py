@@ -36,7 +36,6 @@ class Asked:
     variant: str  #: of the Ni-Ti-Cu model
     order: int | None  #: of the polynomials in stress; None: chosen on held-out cycles
     progress: Progress = lambda _fraction: None
-    change_m: float = 0.0  #: that the hot end of the wire moved while the logs were recorded
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +119,7 @@ def _one_size(experiments: Sequence[Experiment]) -> list[str]:
 
 
 def _whole_range(experiments: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
-    found = fit_whole_range(experiments, bench, asked.progress, asked.change_m)
+    found = fit_whole_range(experiments, bench, asked.progress)
     fit_thesis = _flexinol if bench.wire.alloy == "ni-ti" else _furukawa
     rather = False
     try:

@@ -8,11 +8,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sma_actuator.base.calibration import Calibration, left_in_place
+from sma_actuator.base.calibration import SINCE_THEN, SINCE_THEN_WITHIN, Calibration, left_in_place
 from sma_actuator.calibration.expectation import Expectation, always_so_m
 from sma_actuator.calibration.interval import INTERVAL
 from sma_actuator.calibration.rest import SPREAD
-from sma_actuator.calibration.training import SINCE_THEN, SINCE_THEN_WITHIN
 from sma_actuator.config import Config
 from sma_actuator.diagnosis.trace.prepared import Prepared
 from sma_actuator.estimation.chain import Chain, Judged

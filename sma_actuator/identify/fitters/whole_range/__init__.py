@@ -45,16 +45,14 @@ def fit_whole_range(
     experiments: Sequence[Experiment],
     config,
     progress: Callable[[float], None] = lambda fraction: None,
-    change_m: float = 0.0,
 ) -> WholeRangeFit:
     """Fit to all loads, pulses and partial cycles together.
 
-    ``config``: the bench's parameters; ``change_m``: how far the wire moved its hot end in all of the logs together.
+    ``config``: the bench's parameters.
 
     Raises IdentificationError where there are fewer than three logs, and in them fewer than three cycles.
     """
     data = Data(experiments, config)
-    data.change = change_m / data.percent_m
     known, centre, scale = heat_balance(data, lambda share: progress(0.4 * share))
     z = (data.features(known)[data.rows] - centre) / scale
     by_log = errors_left_out(z, data, data.log_fold[data.rows])
@@ -116,9 +114,7 @@ def _coefficients(
     low, high = seen.min(axis=0), seen.max(axis=0)
     tenth = 0.1 * (high - low)
     floor = float(np.median(left.spread))
-    # Of a wire that changed meanwhile the logs say nothing to be sure of: before and after them it was off by half of
-    # it.
-    score = (np.abs(left.error) + 0.5 * data.change) / (floor + left.spread)
+    score = np.abs(left.error) / (floor + left.spread)
     heating = data.heating[data.rows].astype(bool)
     intervals = intervals_of(target + left.error, heating, score, np.linspace(lowest, highest, PLACES))
     linear, hidden, bias, output = (

@@ -79,7 +79,6 @@ class Data:
         self.rows = np.arange(0, len(self.time), stride)
         self.measured = self.rows < sum(self.lengths)  # the others are of copies
         self.learned = self.rows < 2 * sum(self.lengths)
-        self.change = 0.0  #: of the wire meanwhile
         gaps = max(loads - 1, 1)
         #: Rows whose spread is the unit of a feature; a single load has none but in the copies.
         self.scaling_rows = self.rows if loads == 1 else self.rows[self.measured]
