@@ -7,8 +7,10 @@ of all that is kept is written; with one, it alone, and kept only ``--into`` a f
 from __future__ import annotations
 
 import argparse
+import contextlib
 import math
 import os
+import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -53,14 +55,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for name in TITLES if options.what == "all" else (options.what,):
             work += [(name, unit) for unit in _units(name, options, kept.next_seed.get(name, 0))]
         VirtualBench.from_name("flexinol").advance(0.01)  # compiled once, before many want it at the same time
-        for name, unit, part in _run(work, options.jobs, options.minutes):
-            if into is None:
-                results.setdefault(name, Result()).add(part)
-                continue
-            kept = add_to(into, name, part, unit[0] + (unit[1] if name == "hours" else 1))
-            results = kept.results()
-            # after every part: an attack that is interrupted has its page
-            PAGE.write_text(page(kept), encoding="utf-8")
+        with _busy(options.beside):
+            for name, unit, part in _run(work, options.jobs, options.minutes):
+                if into is None:
+                    results.setdefault(name, Result()).add(part)
+                    continue
+                kept = add_to(into, name, part, unit[0] + (unit[1] if name == "hours" else 1))
+                results = kept.results()
+                # after every part: an attack that is interrupted has its page
+                PAGE.write_text(page(kept), encoding="utf-8")
     whole = Result()
     for name, result in results.items():
         print(f"{TITLES[name]}: {dict(result.counts)}\n  worst: {result.worst}\n{result.verdict()}", flush=True)
@@ -127,6 +130,18 @@ def _run(work: list[tuple[str, tuple]], jobs: int, minutes: float) -> Iterator[t
                 for each in futures:
                     each.cancel()
             yield name, unit, result
+
+
+@contextlib.contextmanager
+def _busy(number: int) -> Iterator[None]:
+    """So many processes that want a core all the time."""
+    busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(number)]
+    try:
+        yield
+    finally:
+        for each in busy:
+            each.kill()
+            each.wait()
 
 
 def page(kept: Kept) -> str:
@@ -246,6 +261,7 @@ def _options() -> argparse.ArgumentParser:
     parser.add_argument("--hours", type=float, default=24.0, help="soak: virtual hours")
     parser.add_argument("--minutes-of-node", type=float, default=8.0, help="node_soak: minutes that the node drives")
     parser.add_argument("--jobs", type=int, default=max(1, os.cpu_count() or 1), help="attacks side by side")
+    parser.add_argument("--beside", type=int, default=0, help="processes that keep a core busy meanwhile")
     parser.add_argument("--minutes", type=float, default=math.inf, help="begin nothing more after so many minutes")
     parser.add_argument(
         "--into",

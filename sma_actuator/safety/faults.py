@@ -31,7 +31,9 @@ def markdown() -> str:
         "",
         "Printed from `sma_actuator/safety/` by `python -m sma_actuator.safety.faults > docs/faults.md`.",
         "",
-        "Times are from the cause to the command, in seconds, of the parameters named; `0` is the same step.",
+        "Times are from the cause to the command, in seconds, of the parameters named; `0` is the same step. They are",
+        "of a computer that lets this program run when it is due: what it does not comes on top, until the supply's",
+        "watchdog cuts, `supply.watchdog_timeout` after the last word (`python -m attack lines --beside 2` tries it).",
         "A latched fault switches the output off in the step that detects it, and the output stays off until",
         (
             "`~/clear_fault` and then a new `~/enable`. What does not latch passes with its cause. A lost instrument "

@@ -34,4 +34,4 @@ class Lately:
         if shown != shown:
             return shown
         values = [value for _, value in self._seen if value == value]
-        return max(min(values, default=inf) - shown, shown - max(values, default=-inf), 0.0)
+        return max(min(values) - shown, shown - max(values), 0.0) if values else inf

@@ -1,7 +1,9 @@
 """What attacks bring home is kept with the commit that they tried, and what is older than the code says so."""
 
+import os
 import subprocess
 from collections import Counter
+from pathlib import Path
 
 import pytest
 
@@ -98,3 +100,16 @@ def test_a_run_begins_after_what_is_kept_prints_what_was_tried_where_and_shows_i
     assert attack.main(["--show", "--into", str(tmp_path / "kept.json")]) == 0
     assert "kills: 60 kills; at" in capsys.readouterr().out
     assert len(tried) == 4
+
+
+def test_what_keeps_the_cores_busy_is_there_while_it_attacks_and_ends_with_it(monkeypatch):
+    children = Path(f"/proc/self/task/{os.getpid()}/children")
+    before, meanwhile = set(children.read_text().split()), []
+
+    def run(work, jobs, minutes):
+        meanwhile.append(set(children.read_text().split()) - before)
+        yield "kills", (0, 1), Result()
+
+    monkeypatch.setattr(attack, "_run", run)
+    assert attack.main(["kills", "--beside", "2"]) == 0
+    assert len(meanwhile[0]) == 2 and not meanwhile[0] & set(children.read_text().split())

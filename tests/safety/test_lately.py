@@ -27,8 +27,10 @@ def test_and_what_it_was_two_readings_ago(shown):
 
 def test_a_clock_that_goes_back_begins_anew():
     lately = kept(0.05, range(9))
-    lately.note(0.1, 20.0)
+    lately.note(0.35, 20.0)
     assert lately.off_by(8.0) == 12.0
+    lately.note(0.35, 10.0)
+    assert lately.off_by(15.0) == 0.0, "which stood still, did not go back"
 
 
 def test_what_is_no_number_is_near_none():
