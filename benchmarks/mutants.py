@@ -65,6 +65,7 @@ _DRIVER = (
 TARGETS = {
     **{f"safety/guards/{name}": _GUARDS for name in ("program", "supply", "readings", "estimate", "setpoints", "wire")},
     "safety/records": (*_GUARDS, "tests/safety/test_faults.py"),
+    "safety/lately": ("tests/safety/test_lately.py", *_GUARDS),
     "safety/formula": ("tests/safety/test_formula.py", "tests/test_docs.py"),
     "safety/timing": _GUARDS,
     "safety/faults": (*_GUARDS, "tests/safety/test_faults.py"),

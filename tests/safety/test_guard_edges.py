@@ -2,12 +2,14 @@
 NaN."""
 
 import math
+import re
 from dataclasses import replace
 
 import pytest
 
 from sma_actuator.base.signals import Branch, Command, Estimate, Quality, Reading, Signals, SupplyState
 from sma_actuator.config import Config
+from sma_actuator.safety.drift import LAG_s, WINDOW_s
 from sma_actuator.safety.faults import FAULTS
 from sma_actuator.safety.formula import seconds
 from sma_actuator.safety.guards.estimate import estimate_invalid, estimator_outside
@@ -30,11 +32,13 @@ from sma_actuator.safety.guards.setpoints import (
 )
 from sma_actuator.safety.guards.supply import (
     SETTING_TOLERANCE_A,
+    current_drifts,
     measurements_disagree,
     second_commander,
     supply_disagrees,
     supply_lost,
     supply_tripped,
+    voltage_drifts,
 )
 from sma_actuator.safety.guards.wire import (
     COMPLIANCE,
@@ -360,11 +364,12 @@ class TestADaqThatIsLate:
         """``driven(guard, currents, behind, period_s)``: until when nothing is said, where the DAQ is readings behind;
         None: ever."""
 
-        def driven(guard, currents, behind, period_s):
+        def driven(guard, currents, behind, period_s, odd=-1):
             memory = Memory(**MEMORY)
             at_rate = replace(config, loop=replace(config.loop, rate=1.0 / period_s))
             for number, current_A in enumerate(currents):
                 shown_A, now_s = currents[max(number - behind, 0)], NOW_s + number * period_s
+                shown_A += 0.1 * (number == odd)
                 signals = {"signals__current_A": shown_A, "reading": replace(READING, supply_voltage_V=6.5 * shown_A)}
                 supply = {"supply__current_A": current_A, "supply__voltage_V": 6.5 * current_A}
                 told = Command(current_A, True)
@@ -386,6 +391,11 @@ class TestADaqThatIsLate:
     def test_by_more_is(self, driven, guard, period_s, behind):
         ramp = [0.05 + 0.2 * min(number * period_s, 2.0) for number in range(100)]
         assert driven(guard, ramp, behind, period_s) is not None
+
+    @pytest.mark.parametrize("guard", [supply_disagrees, measurements_disagree], ids=lambda guard: guard.name)
+    def test_nor_for_one_reading_that_is_odd_besides(self, driven, guard):
+        ramp = [0.05 + 0.15 * 0.05 * number for number in range(40)]
+        assert driven(guard, ramp, 4, 0.05, odd=30) is None
 
     @pytest.mark.parametrize("guard", [supply_disagrees, measurements_disagree], ids=lambda guard: guard.name)
     @pytest.mark.parametrize("period_s", [0.02, 0.05, 0.1, 0.5])
@@ -791,3 +801,113 @@ class TestGate:
     @pytest.mark.parametrize(("fault", "passes_A"), [(estimate_invalid, 0.05), (setpoint_not_finite, 0.3)])
     def test_a_fault_whose_action_is_the_bias_leaves_the_bias(self, gate, fault, passes_A):
         assert gate(0.3, 0.4, faults=[fault]) == Command(passes_A, True)
+
+
+class Driven:
+    """Steps of a wire that is held, one every 50 ms; what a guard remembers goes on from one to the next."""
+
+    PERIOD_s = 0.05
+
+    def __init__(self, guard, step):
+        self.guard, self.step, self.memory, self.now_s, self.number = guard, step, Memory(**MEMORY), NOW_s, 0
+
+    def words(self, seconds, **changes):
+        """After how long the guard says something [s], and what; (inf, "") where it does not."""
+        begun_s = self.now_s
+        for _ in range(round(seconds / self.PERIOD_s)):
+            self.now_s += self.PERIOD_s
+            self.number += 1
+            now = {
+                "supply": replace(SUPPLY, voltage_V=1.3 + 1e-3 * (self.number % 2))
+            } | changes  # shows its last digit
+            if (reading := changes.get("reading", READING)) is not None:
+                reading = replace(reading, time_s=self.now_s)
+            words = said(
+                self.guard, self.step(**now | {"memory": self.memory, "now_s": self.now_s, "reading": reading})
+            )
+            if words:
+                return self.now_s - begun_s, words
+        return math.inf, ""
+
+
+DRIFTED = {
+    current_drifts: {"signals__current_A": 1.02 * CURRENT_A},
+    voltage_drifts: {"reading": replace(READING, supply_voltage_V=1.4)},
+}
+NOTHING = (math.inf, "")
+
+
+@pytest.mark.parametrize("guard", DRIFTED, ids=lambda guard: guard.name)
+class TestDrifts:
+    @pytest.fixture
+    def driven(self, guard, step):
+        return Driven(guard, step)
+
+    def test_what_was_measured_from_the_first_is_right_and_what_it_drifts_to_once_it_was_said(self, driven, guard):
+        assert driven.words(5.0, **DRIFTED[guard]) == NOTHING
+        assert driven.words(5.0)[1]
+        assert driven.words(20.0) == NOTHING
+        assert driven.words(5.0, **DRIFTED[guard])[1]
+
+    def test_it_is_said_in_the_promised_time(self, driven, guard, config):
+        assert driven.words(5.0) == NOTHING
+        assert driven.words(5.0, **DRIFTED[guard])[0] <= guard.within(config) + 1e-9
+
+    def test_where_there_is_nothing_to_compare_nothing_is_said(self, driven, guard):
+        for nothing in ({"reading": None}, {"supply": None}, {"told": OFF}, {"reading": None, "supply": None}):
+            assert driven.words(5.0) == NOTHING
+            assert driven.words(5.0, **{**DRIFTED[guard], **nothing}) == NOTHING
+
+    def test_a_pause_begins_the_means_anew_and_forgets_nothing(self, driven, guard):
+        assert driven.words(5.0) == NOTHING
+        assert driven.words(0.3, **DRIFTED[guard]) == NOTHING
+        assert driven.words(0.1, **DRIFTED[guard], told=OFF) == NOTHING
+        after_s, words = driven.words(5.0, **DRIFTED[guard])
+        known_s = {current_drifts: LAG_s, voltage_drifts: WINDOW_s}[guard]  # a current that stands sooner
+        assert words and after_s > known_s
+
+    def test_a_jump_is_another_guards(self, driven, guard):
+        assert driven.words(5.0) == NOTHING
+        jumped = {"signals__current_A": CURRENT_A + 0.021, "reading": replace(READING, supply_voltage_V=1.81)}
+        assert driven.words(5.0, **jumped) == NOTHING
+
+
+def test_what_drifts_is_said_with_both_differences(step):
+    driven = Driven(current_drifts, step)
+    assert driven.words(5.0) == NOTHING
+    words = driven.words(5.0, signals__current_A=1.02 * CURRENT_A, supply__current_A=CURRENT_A + 0.003)[1]
+    found_mA = float(re.fullmatch(r"at 0.2 A the DAQ measures \+(\S+) mA more than .*", words)[1])
+    assert 2.0 < found_mA <= 4.0
+    assert words.endswith("the supply +3 mA more than it was told; safety.current_drift is 0.005")
+    driven = Driven(voltage_drifts, step)
+    assert driven.words(5.0) == NOTHING
+    words = driven.words(5.0, reading=replace(READING, supply_voltage_V=1.4))[1]
+    found_mV = float(re.fullmatch(r"at 1.3 V the DAQ measures \+(\S+) mV more than .*", words)[1])
+    assert 29.5 < found_mV <= 101.0
+
+
+class TestDriftOfTheCurrent:
+    @pytest.fixture
+    def driven(self, step):
+        driven = Driven(current_drifts, step)
+        assert driven.words(5.0) == NOTHING
+        return driven
+
+    def test_none_is_looked_for_at_the_compliance_voltage(self, driven, config):
+        at_V = COMPLIANCE * config.supply.max_voltage
+        assert driven.words(5.0, **DRIFTED[current_drifts], supply__voltage_V=at_V) == NOTHING
+        assert driven.words(5.0, **DRIFTED[current_drifts], supply__voltage_V=math.nextafter(at_V, 0.0))[1]
+
+    @pytest.mark.parametrize(("setting_A", "is_said"), [(1.025 * CURRENT_A, False), (CURRENT_A, True), (NAN, True)])
+    def test_between_what_was_told_and_what_is_set_the_supply_may_deliver_any(self, driven, setting_A, is_said):
+        words = driven.words(5.0, **DRIFTED[current_drifts], supply__current_setting_A=setting_A)[1]
+        assert bool(words) == is_said
+
+
+@pytest.mark.parametrize(
+    "nothing", [{"supply__voltage_V": NAN}, {"signals__current_A": 0.0}, {"signals__current_A": NAN}]
+)
+def test_no_drift_of_a_voltage_is_looked_for_without_current_or_the_supplys_own(step, nothing):
+    driven = Driven(voltage_drifts, step)
+    assert driven.words(5.0) == NOTHING
+    assert driven.words(5.0, **DRIFTED[voltage_drifts], **nothing) == NOTHING

@@ -151,7 +151,7 @@ def supply_disagrees(step: Step) -> str:
     differs = not abs(measured_A - told_A) <= tolerance_A
     however_late = differs and not step.memory.told_A.off_by(measured_A) <= tolerance_A
     lasts_s = _disagrees(step, "supply_disagrees", differs, however_late)
-    if not lasts_s >= 0.0:
+    if lasts_s < 0.0:
         return ""
     return (
         f"{measured_A:.3g} A flow, {told_A:.3g} A were commanded, for {lasts_s:.3g} s; safety.current_disagreement "
@@ -184,7 +184,7 @@ def measurements_disagree(step: Step) -> str:
         memory.supply_A.off_by(shown_A) <= tolerance_A and memory.supply_V.off_by(shown_V) <= tolerance_V
     )
     lasts_s = _disagrees(step, "measurements_disagree", differ, however_late)
-    if not lasts_s >= 0.0:
+    if lasts_s < 0.0:
         return ""
     if currents_differ:
         what, unit, by_supply, by_daq, tolerance = "current", "A", supply.current_A, shown_A, tolerance_A
