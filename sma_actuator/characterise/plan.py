@@ -45,12 +45,16 @@ UNGUARDED = 0.9  #: of the rise that the heat limit aims at, for its headroom an
 TYPICAL_CYCLES = 40
 
 #: The second round: stresses between those of the first, a spring as stiff as makes much of the stroke a rise of
-#: stress, how long a position is held and a period lasts, how many positions, and between which shares of the stroke,
-#: from contracted to cold.
+#: stress, and between which shares of the stroke, from contracted to cold, positions lie.
 FOLLOWED_Pa, SPRING_Pa_m = (20e6, 40e6, 70e6, 110e6), 11e9
-DWELL_s, PERIOD_s = 12.0, 40.0
-DWELL, PERIOD = 6.0, 20.0  #: the same in heat_capacity / heat_loss, of a wire that takes longer so
-POSITIONS, OUTERMOST = 12, (0.05, 0.95)
+OUTERMOST = (0.05, 0.95)
+#: How long a position is held and a period lasts, in heat_capacity / heat_loss: a position no shorter than so many
+#: readings, in which the loop comes to rest as well, a period no shorter than that.
+DWELL, PERIOD = 6.0, 20.0
+DWELL_READINGS, PERIOD_s = 120.0, 40.0
+#: So many positions at least, and as many as are held in that time: how a wire came to where it stands is what there is
+#: to learn, and one that stands longer than it takes to come to rest shows it no better.
+POSITIONS, HELD_s = 12, 144.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,7 +191,8 @@ def _second_round(config, options: PlanOptions) -> list[Part]:
     """Setpoints followed by the model's own estimate and law, at each load."""
     area_m2 = config.wire.area_m2
     lag_s = config.thermal.heat_capacity / config.thermal.heat_loss
-    dwell_s, period_s = max(DWELL_s, DWELL * lag_s), max(PERIOD_s, PERIOD * lag_s)
+    dwell_s, period_s = max(DWELL_READINGS / config.loop.rate, DWELL * lag_s), max(PERIOD_s, PERIOD * lag_s)
+    positions = max(POSITIONS, round(HELD_s / dwell_s))
     stiffness_N_m = SPRING_Pa_m * (config.wire.length / config.wire.strain_length_m) * area_m2
     stiffness_N_m = round(stiffness_N_m, max(1, _decimals(stiffness_N_m)))
     followed_N = _loads_N(FOLLOWED_Pa, config.wire)
@@ -201,11 +206,11 @@ def _second_round(config, options: PlanOptions) -> list[Part]:
             {
                 **load,
                 "model": options.follow,
-                "shares": followed_shares(number),
+                "shares": followed_shares(number, positions),
                 "dwell_s": dwell_s,
                 "period_s": period_s,
             },
-            dwell_s * (POSITIONS + math.ceil(POSITIONS / FROM_COLD)) + 4.0 * period_s,
+            dwell_s * (positions + math.ceil(positions / FROM_COLD)) + 4.0 * period_s,
         )
         for number, (label, load) in enumerate(loads)
     ]
@@ -234,16 +239,16 @@ def _masses_kg(most_N: float) -> tuple[float, ...]:
     return tuple(m for m in chosen if m >= chosen[-1] / MASSES_OVER)
 
 
-def followed_shares(number: int) -> list[float]:
-    """The positions of the second round's log of this number, as shares of the stroke from contracted to cold, or of
-    the model's doubt along it.
+def followed_shares(number: int, positions: int) -> list[float]:
+    """So many positions of the second round's log of this number, as shares of the stroke from contracted to cold, or
+    of the model's doubt along it.
 
     Each log has others, in another order.  Where a position is always come to from the same one, a model learns that
     one history of it, and logs left out, which have it too, do not show what it makes of any other.
     """
     low, high = OUTERMOST
     rng = np.random.default_rng(number)
-    shares = (rng.permutation(POSITIONS) + rng.random(POSITIONS)) / POSITIONS
+    shares = (rng.permutation(positions) + rng.random(positions)) / positions
     return [round(float(share), 3) for share in low + (high - low) * shares]
 
 

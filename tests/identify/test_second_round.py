@@ -47,10 +47,10 @@ def test_the_model_drives_the_wire_to_positions_over_its_stroke(log):
 
 def test_some_positions_are_come_to_from_the_cold_wire(log):
     """As the first after every `enable` is."""
-    asked_m = log["setpoint_m"][np.isfinite(log["setpoint_m"])]
-    held_m = [asked_m[0], *asked_m[1:][np.diff(asked_m) != 0.0]][: POSITIONS + POSITIONS // FROM_COLD]
+    asked_m, positions = log["setpoint_m"][np.isfinite(log["setpoint_m"])], len(log.metadata["shares"])
+    held_m = [asked_m[0], *asked_m[1:][np.diff(asked_m) != 0.0]][: positions + positions // FROM_COLD]
     cold = np.array(held_m) == max(asked_m)
-    assert np.flatnonzero(cold).tolist() == [0, 5, 10]
+    assert np.flatnonzero(cold).tolist() == [0, 5, 10, 15]
     place_m = signals_from_log(log, Config.load(NODE)).reference_displacement_m
     before = np.flatnonzero(np.diff(asked_m) < 0.0)[:1]
     assert place_m[before] > max(asked_m) - 0.05 * np.ptp(asked_m), "and it is cold by then"
@@ -87,11 +87,26 @@ def test_a_coil_gets_the_time_that_it_takes_and_a_spring_as_soft_as_it_moves_far
     assert spring["dwell_s"] == pytest.approx(6.0 * bench.thermal.heat_capacity / bench.thermal.heat_loss)
 
 
+def test_a_quick_wire_comes_to_more_positions_in_the_same_time():
+    bench = bench_from_mapping(read_parameter_file(shared_file("config/flexinol_bench.yaml")))
+    quick = dataclasses.replace(
+        bench,
+        thermal=dataclasses.replace(bench.thermal, heat_capacity=0.1 * bench.thermal.heat_capacity),
+        loop=dataclasses.replace(bench.loop, rate=75.0),
+    )
+    usual, more = (make_plan(each, PlanOptions(follow="model.yaml"))[0].parameters for each in (bench, quick))
+    assert more["dwell_s"] == pytest.approx(120 / 75.0), "long enough for the loop"
+    held_s = [each["dwell_s"] * len(each["shares"]) for each in (usual, more)]
+    assert held_s == pytest.approx([144.0, 144.0], rel=0.04)
+    gaps = np.diff(np.sort([0.05, *more["shares"], 0.95]))
+    assert len(more["shares"]) == 90 and np.all(gaps < 0.021), "over all of the stroke"
+
+
 def test_positions_are_held_where_the_model_is_unsure():
     """Of a model whose interval is four times as wide about 0.7 of the stroke half of the positions are there."""
     config = Config.load(shared_file("config/coil.yaml"))
     low_m, high_m = config.model.stroke
-    shares = followed_shares(0)
+    shares = followed_shares(0, POSITIONS)
     for width, there in ((1.0, 3), (4.0, 6)):
         wide = [width if 0.6 <= place <= 0.8 else 1.0 for place in np.linspace(0.0, 1.0, 41)]
         unsure = dataclasses.replace(config.model, intervals=(*np.ones(41), *wide))
