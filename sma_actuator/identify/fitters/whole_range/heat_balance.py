@@ -39,7 +39,7 @@ def heat_balance(data: Data, progress: Callable[[float], None]) -> tuple[np.ndar
     before = known_of(data.thermal)
     known = before.copy()
     free = len(known) if known[NEAR] > 0.0 else NEAR  #: so many of its numbers may move
-    rows = data.rows[data.measured]
+    rows = data.rows[data.measured & data.fewer]
     target = data.displacement[rows]
     seen = data.features(known)[data.scaling_rows]
     centre, scale = seen.mean(axis=0), seen.std(axis=0) + 1e-12
