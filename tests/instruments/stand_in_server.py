@@ -25,7 +25,7 @@ SUPPLY = {**OPENED, READ_BACK: "0.1;1;0.65;0.1;NONE"}
 
 
 class ScpiStandIn:
-    """Answers ``replies`` (exact text → answer) and, for ``X?``, what ``X`` was last set to."""
+    """Answers ``replies`` (exact text → answer, or what makes it) and, for ``X?``, what ``X`` was last set to."""
 
     def __init__(self, replies):
         self.replies = dict(replies)
@@ -65,7 +65,8 @@ class ScpiStandIn:
 
     def _answer(self, line):
         if line in self.replies:
-            return self.replies[line]
+            reply = self.replies[line]
+            return reply() if callable(reply) else reply
         if "?" in line:
             return self._settings.get(self._place(line.replace("?", "")), "0")
         self._settings[self._place(line)] = self._value(line)

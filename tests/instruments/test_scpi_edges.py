@@ -194,6 +194,13 @@ class TestSupply:
             one.open()
         assert server.lines.count(":SYST:ERR?") == 20 + 1
 
+    def test_errors_of_others_are_read_away_until_there_is_none(self, supply):
+        one, server = supply(lambda document: document["commands"].update(clear_status=None))
+        queue = ['-113,"Undefined header"', '-1,"Of others"', '1,"Of others"']
+        server.replies[":SYST:ERR?"] = lambda: queue.pop(0) if queue else '0,"No error"'
+        one.open()
+        assert server.lines.count(":SYST:ERR?") == 4 + 1
+
     @pytest.mark.parametrize("reply", ["No error", '"0"', "0.5"])
     def test_an_error_without_a_number_is_no_answer(self, supply, reply):
         one, server = supply()

@@ -69,6 +69,9 @@ def test_the_least_that_it_takes_stands_for_0_A(tmp_path, supply_of, quiet):
     assert not any(told == "CURR 0.000" for told in line.lines)
     assert line.lines[1] == "CURR 0.002"
     supply.close()
+    supply = supply_of(line, dialect(tmp_path, zero_current=0.002), **{"supply.bias_current": 0.002})
+    supply.open()
+    supply.close()
     too_little = {"supply.bias_current": 0.001}
     with pytest.raises(InstrumentRefused, match=r"supply.bias_current: 0.001 A; mine takes no less than 0.002 A"):
         supply_of(line, dialect(tmp_path, zero_current=0.002), **too_little).open()
