@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import inf, isfinite
+from math import isfinite
 
 from sma_actuator.safety.drift import FLOOR_A, FLOOR_V, SCALE, LAG_s, METER_LAG_s, WINDOW_s, WINDOWS_s
 from sma_actuator.safety.formula import longest, parameter_value, seconds
@@ -120,14 +120,14 @@ def supply_lost(step: Step) -> str:
     return silent(step, step.memory.supply_s, "read-back of the supply") or step.held_up_by("supply")
 
 
-def _disagrees(step: Step, name: str, differs: bool, however_late: bool) -> float:
-    """For how long supply and DAQ have differed [s], the latter also however late it may be; −inf where that has not
+def _disagrees(step: Step, name: str, differs: bool, however_late: bool) -> float | None:
+    """For how long supply and DAQ have differed [s], the latter also however late it may be; None where that has not
     lasted."""
     memory, lasts_at_least_s = step.memory, step.config.safety.disagreement_time
     late_s = max(LAG_s, LAG_READINGS / step.config.loop.rate)
     lasts_s = memory.lasts_s(name, differs, step.now_s)
     unlike_s = memory.lasts_s(f"{name}, however late", differs and however_late, step.now_s)
-    return lasts_s if lasts_s >= lasts_at_least_s and unlike_s >= lasts_at_least_s - late_s else -inf
+    return lasts_s if lasts_s >= lasts_at_least_s and unlike_s >= lasts_at_least_s - late_s else None
 
 
 @guard(
@@ -151,7 +151,7 @@ def supply_disagrees(step: Step) -> str:
     differs = not abs(measured_A - told_A) <= tolerance_A
     however_late = differs and not step.memory.told_A.off_by(measured_A) <= tolerance_A
     lasts_s = _disagrees(step, "supply_disagrees", differs, however_late)
-    if lasts_s < 0.0:
+    if lasts_s is None:
         return ""
     return (
         f"{measured_A:.3g} A flow, {told_A:.3g} A were commanded, for {lasts_s:.3g} s; safety.current_disagreement "
@@ -184,7 +184,7 @@ def measurements_disagree(step: Step) -> str:
         memory.supply_A.off_by(shown_A) <= tolerance_A and memory.supply_V.off_by(shown_V) <= tolerance_V
     )
     lasts_s = _disagrees(step, "measurements_disagree", differ, however_late)
-    if lasts_s < 0.0:
+    if lasts_s is None:
         return ""
     if currents_differ:
         what, unit, by_supply, by_daq, tolerance = "current", "A", supply.current_A, shown_A, tolerance_A
