@@ -50,7 +50,7 @@ HARD_C = 195.0  #: as hot as a wire is made to see how far it goes
 PULSES, PULSE_s = 2, 15.0
 #: Shares of the largest stress at which nothing else stops a contraction (safety.stress_limit_fraction).
 STRESSES = {"a light load": 0.1, "a middle load": 0.4, "the largest load": 0.99}
-ASKED, WANTED = 0.985, 0.98  #: shares of the stroke
+ASKED, WANTED, BACK = 0.985, 0.98, 0.001  #: shares of the stroke
 #: Heated for half a minute: a wire that must be hot shows by then what heat it loses (safety.thermal.shown_loss_W_K).
 HOLD_s, SOON_s = 630.0, 30.0
 #: Sections that `init` derives, and what is asked for.
@@ -193,7 +193,11 @@ class Heating:
 
     def stroke(self, load: Load) -> tuple[float, float, float]:
         """Where the wire rests in the cold, and where it is shortest of all below the limit of its temperature [m]; how
-        hot it is where it has come as far as is asked [°C]."""
+        hot it is where it has come as far as is asked [°C].
+
+        A wire that has come as far as is wanted, and then expands with its heat until its clamped ends transform as
+        well, is asked to be where it turned.
+        """
         bench = self._bench(load, 1.0)
         bench.supply.set_voltage(20.0)
         bench.supply.set_output(True)
@@ -205,8 +209,14 @@ class Heating:
             bench.advance(bench.time_s + 1.5)
             rows.append((bench.truth.displacement_m, bench.hottest_C))
         short_m = min(place_m for place_m, _ in rows)
-        asked_m = cold_m - ASKED * (cold_m - short_m)
-        return cold_m, short_m, next(warm_C for place_m, warm_C in rows if place_m <= asked_m)
+        best, there_C = 0.0, AMBIENT_C
+        for place_m, warm_C in rows:
+            share = (cold_m - place_m) / (cold_m - short_m)
+            if share > best:
+                best, there_C = share, warm_C
+            if best >= ASKED or (best >= WANTED and share < best - BACK):
+                break
+        return cold_m, short_m, there_C
 
     def contracted(self, load: Load, seconds: float = HOLD_s) -> float:
         """The least that a wire holds of its stroke, from soon after it was asked to contract, as a share."""

@@ -95,6 +95,12 @@ class TestHalfTheHeatLoss:
         heating.judge_contraction("the largest load", heating.contracted(Weight(2.84), 110.0))
         _unbroken(heating.result)
 
+    def test_as_does_one_that_expands_with_heat_before_its_clamped_ends_transform(self):
+        heating = heat.Heating(heat.UNITS.index(("furukawa", "drawn-9")))
+        assert heating.stroke(Weight(1.98))[2] < 100.0, "where it turns; its ends follow at 157 °C"
+        heating.judge_contraction("a middle load", heating.contracted(Weight(1.98), 45.0))
+        _unbroken(heating.result)
+
     def test_which_the_judge_would_not_believe_of_limits_that_are_too_low(self):
         heating = heat.Heating(heat.UNITS.index(("flexinol", "hot")))
         too_low = {"thermal.derate_temperature": 80.0, "thermal.max_temperature": 110.0}
