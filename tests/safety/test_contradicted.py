@@ -8,7 +8,7 @@ import pytest
 from rig import Rig
 
 from sma_actuator.base.share import shared_file
-from sma_actuator.base.signals import Mode
+from sma_actuator.base.signals import Mode, Quality
 from sma_actuator.config import read_parameter_file
 from sma_actuator.plant.loads import Schedule, Spring, Weight
 from sma_actuator.safety.faults import FAULTS
@@ -141,10 +141,11 @@ def contradicted(make_rig):
     rig = make_rig()
     rig.enable()
 
-    def told(apart_m, half_m, lasts_s=APART_s):
+    def told(apart_m, half_m, lasts_s=APART_s, quality=Quality.DETERMINATE, settled=True, is_read=True):
         output, memory, said = rig.output, Memory(), ""
+        reading = output.reading if is_read else None
         for now_s in (100.0, 100.0 + lasts_s):
-            place_m = output.estimate.displacement_m
+            place_m = 1.5e-3
             said = position_contradicted.look(
                 Step(
                     rig.config,
@@ -152,11 +153,11 @@ def contradicted(make_rig):
                     now_s,
                     0.05,
                     True,
-                    True,
+                    settled,
                     output.reading,
-                    output.reading,
+                    reading,
                     replace(output.signals, reference_displacement_m=place_m + apart_m),
-                    replace(output.estimate, uncertainty_m=half_m),
+                    replace(output.estimate, displacement_m=place_m, uncertainty_m=half_m, quality=quality),
                     None,
                     output.command,
                     None,
@@ -182,7 +183,15 @@ class TestTheBound:
         assert not contradicted(1e-3, 0.0, 0.999)
 
     def test_it_is_told(self, contradicted):
-        assert contradicted(-1.25e-3, 0.0).startswith("it reads -1.25 mm from ")
+        assert contradicted(-1.25e-3, 0.0) == "it reads -1.25 mm from 1.5 mm"
+
+    @pytest.mark.parametrize("quality", Quality)
+    def test_an_estimate_outside_the_calibration_contradicts_nothing(self, contradicted, quality):
+        assert bool(contradicted(1e-3, 0.0, quality=quality)) == (quality < Quality.OUTSIDE_CALIBRATION)
+
+    @pytest.mark.parametrize("there_is", [{"settled": False}, {"is_read": False}])
+    def test_nor_does_one_that_belongs_to_no_reading(self, contradicted, there_is):
+        assert contradicted(1e-3, 0.0, **there_is) == ""
 
     def test_without_a_sensor_nothing_is(self, contradicted):
         assert contradicted(math.nan, 0.0) == ""
