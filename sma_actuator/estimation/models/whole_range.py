@@ -65,11 +65,11 @@ PLAYS_OF_RANGE = (0.03, 0.10, 0.25)  #: half-widths of the plays in resistance, 
 #: R), λ_X (latent over specific heat, 20 to 35 K), λ_θ, 1/slopes (K/MPa); of the near surroundings the share and the
 #: time constant (over C/h).
 KNOWN = np.array([1.0, 0.002, 3.0, 26.0, 24.0, 0.125, 0.07, 0.0, 1.0])
-# What is remembered: time, heat content, resistance and X of the sample before, warmth of the near surroundings, then
-# the plays.
-_TIME, _HEAT, _RESISTANCE, _SHARE, _NEAR, _PLAYS = range(6)
+# What is remembered: time, heat content, resistance and X of the sample before, warmth of the near surroundings, the
+# power it rested at before the first one (NaN: that one's own), then the plays.
+_TIME, _HEAT, _RESISTANCE, _SHARE, _NEAR, _RESTED, _PLAYS = range(7)
 NEAR = 7  #: where the numbers of the near surroundings begin
-REMEMBERED = 5  #: beside the plays
+REMEMBERED = 6  #: beside the plays
 # Limits: δ at the two ends of what was seen, size of the residual, novelty beyond which it fades, what is added to the
 # learners' spread before it counts, half-width of the interval of the physical curve alone.
 _LOWEST, _HIGHEST, _LARGEST, _EDGE, _FLOOR, _CURVE_WIDTH = range(6)
@@ -364,7 +364,7 @@ def advance(
     """One sample: δ [m], half of its 95 % interval [m] and the share of the residual, into ``out`` (3,)."""
     if state[_TIME] != state[_TIME]:  # NaN
         # At rest: the place that agrees with the temperature that is made of it.
-        share, rested = 1.0, state[_HEAT] if state[_HEAT] == state[_HEAT] else power
+        share, rested = 1.0, state[_RESTED] if state[_RESTED] == state[_RESTED] else power
         for _ in range(_START_PASSES):
             at_rest(
                 time=time,
@@ -453,7 +453,7 @@ class WholeRangeModel:
     def reset(self, power_W: float = nan) -> None:
         """Forget the past: the next sample is that of a wire at rest, in balance with this power; NaN: with its own."""
         self._state[:] = nan
-        self._state[_HEAT] = power_W  # until the next sample
+        self._state[_RESTED] = power_W
 
     def doubt(self, displacement_m: np.ndarray) -> np.ndarray:
         """How wide the interval of an estimate is at a place, on the branch where it is wider, over the learners'
