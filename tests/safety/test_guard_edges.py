@@ -20,6 +20,8 @@ from sma_actuator.safety.guards.readings import (
     reading_not_finite,
     reading_saturated,
     reading_stale,
+    readings_repeat,
+    reference_doubted,
     sensor_stuck,
 )
 from sma_actuator.safety.guards.setpoints import (
@@ -109,6 +111,8 @@ ALL = (
     reading_saturated,
     reading_not_finite,
     reading_stale,
+    readings_repeat,
+    reference_doubted,
     reading_implausible,
     sensor_stuck,
     open_wire,
@@ -911,3 +915,39 @@ def test_no_drift_of_a_voltage_is_looked_for_without_current_or_the_supplys_own(
     driven = Driven(voltage_drifts, step)
     assert driven.words(5.0) == NOTHING
     assert driven.words(5.0, **DRIFTED[voltage_drifts], **nothing) == NOTHING
+
+
+class TestReferenceDoubted:
+    @pytest.mark.parametrize("side", [1.0, -1.0])
+    def test_a_place_beyond_the_length_of_the_wire(self, step, config, side):
+        at_m = side * config.wire.length
+        assert said(reference_doubted, step(signals__reference_displacement_m=at_m)) == ""
+        assert said(reference_doubted, step(signals__reference_displacement_m=math.nextafter(at_m, side * 1.0)))
+
+    def test_it_says_both(self, step):
+        beyond = step(signals__reference_displacement_m=0.1234)
+        assert said(reference_doubted, beyond) == "123 mm, of a wire of 100 mm"
+
+    def test_without_a_reading_nothing_is(self, step):
+        assert said(reference_doubted, step(reading=None, signals__reference_displacement_m=0.2)) == ""
+
+
+class TestReadingsRepeat:
+    @pytest.fixture
+    def alive(self, step):
+        """A memory of 300 readings none of which was like the one before."""
+        memory = Memory(**MEMORY)
+        for number in range(300):
+            reading = replace(READING, supply_voltage_V=1.3 + 1e-4 * (number % 7))
+            assert said(readings_repeat, step(memory=memory, reading=reading)) == ""
+        return memory
+
+    def test_a_block_that_comes_again_and_again_and_what_is_usual_is_then_seen_anew(self, step, alive):
+        words = [said(readings_repeat, step(memory=alive)) for _ in range(12)]
+        assert any(words[:10])
+        assert "never had so often" in next(filter(None, words))
+        assert sum(map(bool, words)) == 1
+
+    @pytest.mark.parametrize("nothing", [{"told": OFF}, {"reading": None}])
+    def test_not_while_nothing_flows_or_is_read(self, step, alive, nothing):
+        assert not any(said(readings_repeat, step(memory=alive, **nothing)) for _ in range(100))
