@@ -4,18 +4,23 @@ NaN."""
 import math
 import re
 from dataclasses import replace
+from itertools import count
+from random import Random
 
 import pytest
 
 from sma_actuator.base.signals import Branch, Command, Estimate, Quality, Reading, Signals, SupplyState
 from sma_actuator.config import Config
+from sma_actuator.safety.alive import WINDOW
 from sma_actuator.safety.drift import LAG_s, WINDOW_s
 from sma_actuator.safety.faults import FAULTS
 from sma_actuator.safety.formula import seconds
-from sma_actuator.safety.guards.estimate import estimate_invalid, estimator_outside
+from sma_actuator.safety.guards.estimate import APART_s, estimate_invalid, estimator_outside
 from sma_actuator.safety.guards.program import clock_jump, command_invalid, loop_overrun
 from sma_actuator.safety.guards.readings import (
+    are_inside,
     daq_lost,
+    load_dead,
     reading_implausible,
     reading_not_finite,
     reading_saturated,
@@ -219,6 +224,34 @@ def test_a_bound_is_where_it_is_said_to_be(guard, changes, is_fault, step):
     assert bool(said(guard, step(**changes))) is is_fault
 
 
+CHANNELS = ("supply_voltage_V", "reference_voltage_V", "load_cell_voltage_V")
+
+
+@pytest.mark.parametrize("name", CHANNELS)
+@pytest.mark.parametrize(
+    ("value_V", "is_inside"),
+    [(9.999, True), (-9.999, True), (10.0, False), (-10.0, False), (math.inf, False), (NAN, False)],
+)
+def test_one_channel_at_the_end_of_the_converter_is_enough_for_a_reading_to_be_of_no_use(name, value_V, is_inside):
+    """A converter that is driven too far gives its last number, which is the bound itself."""
+    assert are_inside(replace(READING, **{name: value_V}), 10.0) is is_inside
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"raw__load_cell_voltage_V": NAN}, "load cell: not a finite number"),
+        (
+            {"raw": Reading(math.inf, NAN, -math.inf, 0.08)},
+            "time, supply voltage, reference voltage: not a finite number",
+        ),
+        ({"raw": Reading(NOW_s, 1.7e308, 1.7e308, 0.08)}, ""),  # too large together alone
+    ],
+)
+def test_it_is_said_which_channels_are_not_finite(changes, words, step):
+    assert said(reading_not_finite, step(**changes)) == words
+
+
 # --- what takes time: how long, and what starts it anew ---------------------------------------------------------------
 
 
@@ -276,12 +309,35 @@ def test_two_readings_that_are_alike_by_chance_say_little_where_they_come_late(s
         assert said(sensor_stuck, late) == ""
 
 
-@pytest.mark.parametrize("name", ["supply_voltage_V", "reference_voltage_V", "load_cell_voltage_V"])
+def test_a_reading_counts_for_two_periods_of_the_loop_at_most_however_late_it_comes(step, config):
+    memory = Memory(**MEMORY)
+    enough = math.ceil(config.safety.stuck_time * config.loop.rate / 2.0)
+    words = [bool(said(sensor_stuck, step(memory=memory, now_s=NOW_s + 0.5 * number))) for number in range(enough + 2)]
+    assert words.index(True) in (enough, enough + 1)  # a sum of so many times may meet its bound or not
+
+
+@pytest.mark.parametrize("name", CHANNELS)
+def test_a_channel_that_has_moved_is_stuck_after_the_whole_time_again(name, step, config):
+    """Though the others stood all the while."""
+    memory = Memory(**MEMORY)
+    stuck_s, period_s = config.safety.stuck_time, 1.0 / config.loop.rate
+    assert stuck_at(step, memory, NOW_s, 0.5 * stuck_s)[0] == ""
+    moved = replace(READING, **{name: getattr(READING, name) + 1e-6})
+    begun_s = NOW_s + 0.5 * stuck_s + period_s
+    assert said(sensor_stuck, step(memory=memory, now_s=begun_s, reading=moved)) == ""
+    others = [each for each in CHANNELS if each != name]
+    alone = replace(moved, **{each: getattr(moved, each) + 1e-6 for each in others})
+    words, after_s = stuck_at(step, memory, begun_s + period_s, 2.0 * stuck_s, reading=alone)
+    assert words
+    assert stuck_s - period_s - 1e-9 <= after_s <= stuck_s + 1e-9
+
+
+@pytest.mark.parametrize("name", CHANNELS)
 def test_each_channel_is_watched_for_itself(name, step, config):
     """The other two move on; the memory of one channel is not that of another."""
     memory = Memory(**MEMORY)
     stuck_s = config.safety.stuck_time
-    others = [each for each in ("supply_voltage_V", "reference_voltage_V", "load_cell_voltage_V") if each != name]
+    others = [each for each in CHANNELS if each != name]
     assert stuck_at(step, memory, NOW_s, 0.9 * stuck_s) == ("", 0.9 * stuck_s)
     moved = replace(READING, **{each: getattr(READING, each) + 1e-6 for each in others})
     begun_s = NOW_s + 0.9 * stuck_s
@@ -925,8 +981,8 @@ class TestReferenceDoubted:
         assert said(reference_doubted, step(signals__reference_displacement_m=math.nextafter(at_m, side * 1.0)))
 
     def test_it_says_both(self, step):
-        beyond = step(signals__reference_displacement_m=0.1234)
-        assert said(reference_doubted, beyond) == "123 mm, of a wire of 100 mm"
+        beyond = step(signals__reference_displacement_m=0.999)
+        assert said(reference_doubted, beyond) == "999 mm, of a wire of 100 mm"
 
     def test_without_a_reading_nothing_is(self, step):
         assert said(reference_doubted, step(reading=None, signals__reference_displacement_m=0.2)) == ""
@@ -951,3 +1007,73 @@ class TestReadingsRepeat:
     @pytest.mark.parametrize("nothing", [{"told": OFF}, {"reading": None}])
     def test_not_while_nothing_flows_or_is_read(self, step, alive, nothing):
         assert not any(said(readings_repeat, step(memory=alive, **nothing)) for _ in range(100))
+
+
+class TestLoadDead:
+    """A load cell with noise, on a wire of 4 mm of stroke that is moved to and fro by 3 mm of it."""
+
+    PERIOD_s = 0.0625  #: a power of two: sums of it are exact
+    SPRING_N_m = 400.0
+
+    @pytest.fixture
+    def read(self, step):
+        """``read(place_m, load_N, **changes)``: what the guard says of the next reading."""
+        memory, random, times_s = Memory(**MEMORY), Random(0), count(NOW_s, self.PERIOD_s)
+
+        def read(place_m=1e-3, load_N=1.0, shown_m=NAN, **changes):
+            now = {
+                "memory": memory,
+                "now_s": next(times_s),
+                "estimate__displacement_m": place_m,
+                "signals": replace(SIGNALS, load_N=load_N, reference_displacement_m=shown_m),
+                "reading__load_cell_voltage_V": 0.08 + random.gauss(0.0, 1e-4),
+            }
+            return said(load_dead, step(**{**now, **changes}))
+
+        return read
+
+    def move(self, read, motions, spring_N_m, **changes):
+        """What is said while the wire is moved so often, by ten readings each; the last motion has turned."""
+        there = [0.5e-3 + 0.3e-3 * number for number in range(10)]
+        ways_m = there + [each + 0.3e-3 for each in reversed(there)]
+        places_m = [ways_m[number % 20] for number in range(10 * motions + 4)]
+        return "".join(read(place_m, 2.0 - spring_N_m * place_m, **changes) for place_m in places_m)
+
+    @pytest.mark.parametrize("quality", [Quality.DETERMINATE, Quality.INDETERMINATE_COLD, Quality.INDETERMINATE_HOT])
+    def test_a_load_that_does_not_follow_the_wire_any_more_is_dead(self, read, quality):
+        assert self.move(read, 4, self.SPRING_N_m) == ""
+        assert "N belong to a motion of" in self.move(read, 4, 0.0, estimate__quality=quality)
+
+    @pytest.mark.parametrize(
+        "changes",
+        [
+            {"driven": False},
+            {"settled": False},
+            {"driven": False, "settled": False},
+            {"estimate__quality": Quality.OUTSIDE_CALIBRATION},
+            {"estimate__quality": Quality.INVALID},
+        ],
+        ids=str,
+    )
+    def test_where_the_wire_has_no_place_of_its_own_nothing_has_to_follow_it(self, read, changes):
+        """While it is not driven, or its estimate is not to be relied on."""
+        assert self.move(read, 4, self.SPRING_N_m) == ""
+        assert self.move(read, 4, 0.0, **changes) == ""
+
+    def test_one_that_changes_by_itself_while_the_sensor_contradicts_the_position_is_none_after_a_second(self, read):
+        """A weight, to and fro, that gets half as heavy where the wire stands; until then the sensor agrees."""
+        assert self.move(read, 4, 0.0) == ""
+        assert read(0.999e-3, 2.0, 0.999e-3) == ""
+        words = [read(0.999e-3, 1.0, 3e-3) for _ in range(round(APART_s / self.PERIOD_s) + 1)]
+        assert words[:-1] == [""] * (len(words) - 1)
+        assert words[-1] == "since it changed by itself the displacement sensor contradicts the position, 0.999 mm"
+
+    @pytest.mark.parametrize(("least_noise", "is_dead"), [(0.0, False), (0.1, True)])
+    def test_no_noise_at_all_is_too_little_unless_the_least_is_zero(self, read, config, least_noise, is_dead):
+        """Its last values go on evenly, in steps without a rounding."""
+        for _ in range(4 * WINDOW):
+            assert read() == ""
+        config = replace(config, safety=replace(config.safety, least_noise=least_noise))
+        evenly_V = [0.0625 + number / 2**20 for number in range(WINDOW)]
+        words = [read(config=config, reading__load_cell_voltage_V=each) for each in evenly_V]
+        assert any("its noise is" in each for each in words) is is_dead
