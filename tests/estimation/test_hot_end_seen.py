@@ -113,7 +113,8 @@ def test_live_parameters_arrive(config):
 
 
 def test_the_displacement_there_is_that_of_the_calibration_at_the_stress(config):
+    """Of one sample, and of as many as a log has."""
     c = config.calibration
-    assert HotEnd(config).displacement_m(STRESS_Pa) == np.interp(
-        STRESS_Pa, c.hot_end.contracted_stress, c.hot_end.contracted_displacement
-    )
+    at_m = np.interp(STRESS_Pa, c.hot_end.contracted_stress, c.hot_end.contracted_displacement)
+    assert HotEnd(config).displacement_m(STRESS_Pa) == at_m
+    assert HotEnd(config).displacement_m(np.full(3, STRESS_Pa)).tolist() == 3 * [at_m]
