@@ -79,6 +79,7 @@ TARGETS = {
     "instruments/scpi": ("tests/instruments",),
     "instruments/supply": ("tests/instruments",),
     **{f"instruments/{name}": ("tests/instruments",) for name in ("session", "byte_streams", "claim")},
+    "instruments/phrases": ("tests/instruments/test_phrases.py", "tests/instruments/test_dialects.py"),
     "instruments/dialect": ("tests/instruments",),
     "instruments/pymeasure_adapter": ("tests/instruments",),
     **{
