@@ -20,6 +20,7 @@ from sma_actuator.check import look_first
 from sma_actuator.config import BenchConfig, bench_from_mapping
 from sma_actuator.console import add_output_arguments, notes, questions, refuse_to_overwrite, results, write_json
 from sma_actuator.console.asking import Asking, paused, read_answers
+from sma_actuator.plant.materials import WIRES
 from sma_actuator.plant.worlds import HOME
 
 from .operators import BenchOperator, Operator, ScpiBenchOperator, TerminalOperator
@@ -50,8 +51,8 @@ def _of_the_bench(group: argparse._ArgumentGroup) -> None:
     )
     group.add_argument(
         "--virtual",
-        metavar="WIRE",
-        help="the virtual bench in this process, unattended: flexinol, furukawa, coil or bundle",
+        choices=sorted(WIRES),
+        help="a wire of the virtual bench in this process, unattended",
     )
     group.add_argument(
         "--physics",
@@ -197,7 +198,9 @@ def run(args: argparse.Namespace) -> int:
                 look_first(unknown, rig.supply, rig.daq, rig.clock, shown.console)
 
     with shown.bar:
-        manifest = characterise(mapping, plan, rig, operator, args.out, shown.progress, first, shown.console.print)
+        virtual = {"virtual": args.virtual, "physics": args.physics or HOME} if args.virtual else {}
+        say = shown.console.print
+        manifest = characterise(mapping, plan, rig, operator, args.out, shown.progress, first, say, virtual)
     write_page(args.out, manifest)
     write_json(args, manifest.data)
     results(args).print(
@@ -261,7 +264,8 @@ class _Shown:
         if self.bar.disable and part.name not in self._begun:
             self._begun.add(part.name)
             of_all = f"part {len(self._begun)} of {len(self._before_s)}"
-            self.console.print(f"{of_all}: {part.name}, about {part.duration_s:.0f} s")
+            ahead = f"about {part.duration_s:.0f} s" if elapsed_s < part.duration_s else "measured already"
+            self.console.print(f"{of_all}: {part.name}, {ahead}")
         done_s = self._before_s[part.name] + min(elapsed_s, part.duration_s)
         self.bar.update(self._task, completed=done_s, description=part.name)
 

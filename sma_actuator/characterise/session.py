@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from sma_actuator.config import bench_from_mapping, write_parameter_file
@@ -28,18 +29,20 @@ def characterise(
     progress: Callable[[Part, float], None] = lambda part, elapsed_s: None,
     first: Callable[[], None] = lambda: None,
     say: Callable[[str], None] = lambda words: None,
+    virtual: Mapping[str, str] = MappingProxyType({}),
 ) -> Manifest:
     """Measure every part of ``plan`` that ``folder`` does not hold yet.
 
     ``first`` is called before the instruments are opened, where anything is left to measure; ``say`` with what a part
-    found that a person should know.
+    found that a person should know.  ``virtual`` is what a virtual bench was asked for, its wire and physics: logs of
+    another one are another wire's.
     Writes ``NAME.csv`` with its metadata for every log, ``manifest.json`` after every part, and
     ``bench.yaml``: ``mapping`` (the bench's parameters) with the calibrations that were measured.
     Raises ConfigError, InstrumentError or BenchLogError; what was finished stays, and the current is off.
     """
     folder = Path(folder)
     wire = rig.config.wire
-    manifest = Manifest(folder, wire.size)
+    manifest = Manifest(folder, {**wire.size, **virtual})
     todo = [part for part in plan if not manifest.finished(part)]
     logs: dict[str, BenchLog] = {}
     for part in plan:
@@ -52,6 +55,7 @@ def characterise(
     first()
     with rig.opened():
         for part in todo:
+            progress(part, 0.0)
             outcome = RUN[part.kind](part, rig, operator, logs, partial(progress, part))
             for name, log in outcome.logs.items():
                 write_bench_log(folder / f"{name}.csv", log)

@@ -537,6 +537,18 @@ def test_a_calibration_whose_channel_does_not_move_is_refused():
         fit_line([0.0, 1.0, 2.0, 3.0], [0.0, 5.0, 1.0, 4.0], "load cell")
 
 
+def test_a_folder_of_another_physics_is_refused_and_what_it_holds_is_said_to_be_measured(tmp_path, capsys):
+    shown = "characterise --virtual flexinol --loads 0.5 --average 2".split()
+    kinds = ("lead_resistance", "load_cell", "lvdt", "training", "partial", "levels", "fatigue")
+    shown += [word for kind in kinds for word in ("--skip", kind)] + ["--out", str(tmp_path)]
+    assert main([*shown, "--physics", "drawn-5"]) == 0
+    assert "part 1 of 1: pulses_0.500N, about" in capsys.readouterr().err
+    assert main([*shown, "--physics", "drawn-5"]) == 0
+    assert "part 1 of 1: pulses_0.500N, measured already" in capsys.readouterr().err
+    assert main(shown) == 1
+    assert "belongs to another wire" in (said := capsys.readouterr().err) and "'drawn-5'" in said
+
+
 def test_a_hidden_effect_wants_the_virtual_bench_and_a_name_it_knows(tmp_path, capsys):
     out = str(tmp_path / "out")
     assert main(["characterise", "--hidden", "voltage_offset=0.003", "--out", out]) == 1
