@@ -29,6 +29,7 @@ from .formats import READERS, read_table
 from .mapping import ColumnMap, column_map
 from .sense import log_counts_contraction
 from .static import log_of_points
+from .tables import PART
 
 Say = Callable[[str], None]
 ENDINGS = (".csv", ".tsv", ".txt", *READERS, ".mcap", ".db3")
@@ -182,7 +183,9 @@ def find_logs(places: Sequence[Path | str]) -> list[Path]:
         elif not place.exists() and glob.has_magic(str(place)):
             matching = sorted(Path(name) for name in glob.glob(str(place), recursive=True))  # noqa: PTH207 - absolute patterns too
             if not matching:
-                raise BenchLogError(f"{place}: no file matches")
+                writing = next((name for name in glob.iglob(f"{place}{PART}", recursive=True)), "")  # noqa: PTH207 - as above
+                why = f"; {writing} is still being written: end the node, and it has its name" if writing else ""
+                raise BenchLogError(f"{place}: no file matches{why}")
             found += matching
         else:
             found.append(place)

@@ -43,7 +43,7 @@ from sma_actuator.instruments.parameters import Instruments
 
 from .bench_log import COLUMNS
 from .manifest import Files, Manifest
-from .tables import EVENT_COLUMN
+from .tables import EVENT_COLUMN, PART
 
 _log = logging.getLogger(__name__)
 
@@ -53,7 +53,6 @@ RETRY_s = 10.0  #: between two attempts to go on where the disk was full
 LOOK_s = 0.25  #: between two looks whether the file is still in its place
 HELD_UP_s = 5.0  #: a row that takes longer is held up by the disk; rows wait for it meanwhile, and are not lost
 _ALWAYS = ("time_s", "supply_voltage_V", "reference_voltage_V", "load_cell_voltage_V", "tare_N")
-_PART = ".part"
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _STOP = None
 _Row = tuple[tuple[float, ...], str]  #: numbers, event
@@ -145,7 +144,7 @@ class BenchLogRecorder:
     @property
     def _path(self) -> Path:
         """The name that the file at hand will have."""
-        return self._folder / next(iter(self._own)).removesuffix(_PART)
+        return self._folder / next(iter(self._own)).removesuffix(PART)
 
     @property
     def waiting_rows(self) -> int:
@@ -291,14 +290,14 @@ class BenchLogRecorder:
             stem = self._free_stem(started)
             log, beside = stem + ".csv", stem + ".json"
             try:
-                part = self._folder / (log + _PART)
+                part = self._folder / (log + PART)
                 self._handle = os.open(part, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
                 fcntl.flock(self._handle, fcntl.LOCK_EX)  # says that its writer lives
                 files[log] = os.fstat(self._handle).st_ino
                 with (self._folder / beside).open("x", encoding="utf-8") as stream:
                     files[beside] = os.fstat(stream.fileno()).st_ino
                     json.dump(metadata, stream, indent=1)
-                self._own = {log + _PART: files[log], beside: files[beside]}
+                self._own = {log + PART: files[log], beside: files[beside]}
                 self._size = 0
                 self._write((",".join((*self.columns, EVENT_COLUMN)) + "\n").encode())
                 if left >= 0:
@@ -325,7 +324,7 @@ class BenchLogRecorder:
         while True:
             self._number += 1
             stem = f"{self._name}_{started:%Y%m%d_%H%M%S}_{os.getpid()}_{self._number:04d}"
-            if not any(os.path.lexists(self._folder / (stem + end)) for end in (".csv", ".csv" + _PART, ".json")):
+            if not any(os.path.lexists(self._folder / (stem + end)) for end in (".csv", ".csv" + PART, ".json")):
                 return stem
 
     def _complete_file(self) -> None:
@@ -368,7 +367,7 @@ class BenchLogRecorder:
     def _give_name(self, part: Path) -> None:
         """Take ``.part`` off a name, unless there is somebody's file of the name it would have."""
         path = part.with_suffix("")
-        if part.suffix != _PART:
+        if part.suffix != PART:
             return  # somebody has given it one
         if os.path.lexists(path):
             _log.warning("%s: %s is complete, but %s exists already and is not the recorder's", self._name, part, path)
@@ -394,7 +393,7 @@ class BenchLogRecorder:
             )
 
     def _is_part(self, files: Files, name: str) -> bool:
-        return self._manifest.is_own({name + _PART: files[name]}, name + _PART)
+        return self._manifest.is_own({name + PART: files[name]}, name + PART)
 
     def _complete_left_behind(self) -> None:
         """Give the files of a killed recorder their name, without a last line that is half written."""
@@ -402,7 +401,7 @@ class BenchLogRecorder:
             for name in files:
                 if not self._is_part(files, name):
                     continue
-                path = self._folder / (name + _PART)
+                path = self._folder / (name + PART)
                 handle = os.open(path, os.O_RDWR | os.O_NOFOLLOW)
                 try:
                     fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

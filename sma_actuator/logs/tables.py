@@ -51,6 +51,7 @@ SMALL_B, MOST_TIMES = 50_000_000, 100
 UNPACKING_B = 4 * LARGEST_B
 #: What was asked of the actuator or happened to it before its row, in words; text, where all others are numbers.
 EVENT_COLUMN = "event"
+PART = ".part"  #: what the name of a log ends with while it is still being written
 _SEPARATORS = (b",", b";", b"\t")
 _BLANKS = b" "
 SEARCHED_LINES = 200  #: for the header: what loggers write before it is a page at the most

@@ -174,8 +174,8 @@ def verdict(replays: Sequence[Replay], config: Config) -> tuple[str, str]:
     return (
         "changed",
         (
-            f"{text}, where it was {calibrated.error:.2f} % at its calibration: something has changed; `sma-actuator "
-            f"trace` looks for what."
+            f"{text}, where it was {calibrated.error:.2f} % at its calibration: something has changed, or the wire was "
+            "driven as it never was there; `sma-actuator trace` says which."
         ),
     )
 

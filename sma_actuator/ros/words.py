@@ -97,13 +97,13 @@ class Events:
 _REFUSED = ("setpoint_flood", "setpoint_not_finite")
 #: Limits that a wire meets in normal use, since it cannot be faster than it is.
 _ROUTINE = ("setpoint_rate", "current_max", "current_bias")
-#: What each limit looked at: name of the value in the status, factor to the unit shown, unit.
+#: What each limit looked at: names of the values in the status, factor to the unit shown, unit.
 _READ = {
-    "setpoint_range": ("limited_setpoint_m", 1e3, "mm is held instead"),
-    "setpoint_rate": ("limited_setpoint_m", 1e3, "mm is where it is now"),
-    "current_max": ("current_limit_A", 1e3, "mA"),
-    "stress_near_limit": ("stress_Pa", 1e-6, "MPa"),
-    "temperature_derating": ("temperature_at_most_C", 1.0, "°C is the hottest that it can be"),
+    "setpoint_range": (("shortest_m", "longest_m"), 1e3, "mm"),
+    "setpoint_rate": (("limited_setpoint_m",), 1e3, "mm is where it is now"),
+    "current_max": (("current_limit_A",), 1e3, "mA"),
+    "stress_near_limit": (("stress_Pa",), 1e-6, "MPa"),
+    "temperature_derating": (("temperature_at_most_C",), 1.0, "°C is the hottest that it can be"),
 }
 
 
@@ -121,9 +121,9 @@ def _is_latched(status: Status) -> bool:
 def _read(limit: str, status: Status) -> str:
     if limit not in _READ:
         return ""
-    name, factor, unit = _READ[limit]
-    value = status.values.get(name)
-    return f" ({value * factor:.4g} {unit})" if isinstance(value, float) else ""
+    names, factor, unit = _READ[limit]
+    values = [value for name in names if isinstance(value := status.values.get(name), float)]
+    return f" ({' to '.join(f'{value * factor:.4g}' for value in values)} {unit})" if values else ""
 
 
 _WORDS_OF_MODE = {Mode.TRACKING: "following setpoints", Mode.TUNING: "tuning the gains"}

@@ -538,7 +538,7 @@ def test_a_calibration_whose_channel_does_not_move_is_refused():
 
 
 def test_a_folder_of_another_physics_is_refused_and_what_it_holds_is_said_to_be_measured(tmp_path, capsys):
-    shown = "characterise --virtual flexinol --loads 0.5 --average 2".split()
+    shown = ["characterise", "--virtual", "flexinol", "--loads", "0.5", "--average", "2"]
     kinds = ("lead_resistance", "load_cell", "lvdt", "training", "partial", "levels", "fatigue")
     shown += [word for kind in kinds for word in ("--skip", kind)] + ["--out", str(tmp_path)]
     assert main([*shown, "--physics", "drawn-5"]) == 0

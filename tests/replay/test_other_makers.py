@@ -206,7 +206,10 @@ def test_a_folder_and_a_pattern_are_their_logs(flexinol, model_file, tmp_path, c
             "pulses_0.600N.csv",
         ]
     assert main(["replay", str(tmp_path / "none_*.csv"), "--config", str(model_file)]) == 1
-    assert "none_*.csv: no file matches" in capsys.readouterr().err
+    assert "none_*.csv: no file matches\n" in capsys.readouterr().err
+    (tmp_path / "none_0001.csv.part").touch()
+    assert main(["replay", str(tmp_path / "none_*.csv"), "--config", str(model_file)]) == 1
+    assert "none_0001.csv.part is still being written" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

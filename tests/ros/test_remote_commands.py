@@ -111,7 +111,8 @@ def test_a_wire_is_moved_watched_and_stopped(bench, capsys):
     said = capsys.readouterr()
     assert f"next: `sma-actuator move 40%{OPTIONS}`" in said.err
     lines = said.out.splitlines()
-    assert len(lines) >= 2 and all("holding" in line for line in lines)
+    known = r"position +[\d.]+ mm .*load +[\d.]+ N +current +[\d.]+ mA +holding"
+    assert len(lines) >= 2 and all(re.search(known, line) for line in lines), lines
     shown_mm, load_N = map(float, re.search(r"position +(\S+) .*load +(\S+)", lines[-1]).groups())
     assert shown_mm == pytest.approx(there_mm, abs=0.2) and load_N == pytest.approx(0.98, abs=0.05)
     assert main(["enable", "--off", *NODE]) == 0

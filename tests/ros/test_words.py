@@ -125,3 +125,11 @@ class TestRefusals:
         words = ["".join(chr(97 + int(digit)) for digit in str(number)) for number in range(1000)]
         said = [word for word in words if refusals.worth_saying(word, 0.0)]
         assert said == words[:MOST_REFUSALS]
+
+
+def test_a_setpoint_beyond_the_ends_is_told_both_of_them():
+    ends = {"limited_setpoint_m": 0.6889e-3, "shortest_m": 0.1151e-3, "longest_m": 4.262e-3}
+    beyond = Status(Mode.TRACKING, limits=("setpoint_range",), values=ends)
+    _, (level, sentence) = _said(Events(), beyond)
+    assert level == WARNING
+    assert "what can be reached now (0.1151 to 4.262 mm). Ask for positions between" in sentence

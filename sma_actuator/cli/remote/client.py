@@ -8,7 +8,7 @@ import math
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from typing import TYPE_CHECKING, Any
 
 from sma_actuator.base.commands import NODE_NAME, as_commands, namespace, node_name
@@ -178,9 +178,9 @@ class NodeClient(Named):
         """Whether anybody else can publish on ``~/topic``, which was advertised."""
         return self._node.count_publishers(f"{self.full_name}/{topic}") > 1
 
-    def wait_until_heard(self, topic: str, patience_s: float) -> None:
-        """Wait for the first message of ``~/topic``, but not for ever."""
-        self._spin_until(lambda: topic in self._latest, patience_s)
+    def wait_until_heard(self, topics: Collection[str], patience_s: float) -> None:
+        """Wait for the first message of each of the topics, but not for ever."""
+        self._spin_until(lambda: self._latest.keys() >= set(topics), patience_s)
 
     def publish(self, topic: str, message: Any) -> None:
         """Publish on ``~/topic``, which was advertised."""

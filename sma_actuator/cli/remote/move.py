@@ -89,8 +89,7 @@ def run(args) -> int:
     with connected(args) as client:
         from trajectory_msgs.msg import JointTrajectory
 
-        listen_to_motion(client)
-        status = client.status()
+        status = listen_to_motion(client)
         if status.mode is Mode.OFF:
             then = after(client, status)
             first = f"switch it on first: {then}" if then == "~/enable" else then

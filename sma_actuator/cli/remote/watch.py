@@ -13,7 +13,6 @@ from .client import NodeClient, add_node_arguments, connected
 
 #: Beyond this age nothing that was heard is shown as if it were so.
 STALE_s = 3.0
-FIRST_s = 1.0  #: for the first position to come: a command that has just begun has heard of none
 
 
 def add_arguments(parser) -> None:
@@ -37,7 +36,6 @@ def run(args) -> int:
         from sma_msgs_py import status_from
 
         listen_to_motion(client)
-        client.status()
         start_s = time.monotonic()
         try:
             while (elapsed_s := time.monotonic() - start_s) <= args.duration:
@@ -66,8 +64,8 @@ def after(client: NodeClient, status: Status) -> str:
     return f"`sma-actuator move {'0.1rad' if is_joint(status) else '40%'}{client.options}`, or ~/stop"
 
 
-def listen_to_motion(client: NodeClient) -> None:
-    """Position, load and current, as they come."""
+def listen_to_motion(client: NodeClient) -> Status:
+    """Position, load and current, as they come; the state of the node once the first have.  Raises UserError."""
     from geometry_msgs.msg import WrenchStamped
     from sensor_msgs.msg import JointState
     from std_msgs.msg import Float64
@@ -75,7 +73,12 @@ def listen_to_motion(client: NodeClient) -> None:
     client.listen("load", WrenchStamped)
     client.listen("command_current", Float64)
     client.listen("joint_states", JointState)
-    client.wait_until_heard("joint_states", FIRST_s)
+    status = client.status()
+    shown = [] if is_joint(status) else ["load", "command_current"]
+    if status.mode is not Mode.OFF:  # which has no position
+        shown.append("joint_states")
+    client.wait_until_heard(shown, STALE_s)
+    return client.status()
 
 
 def line(client: NodeClient) -> str:
