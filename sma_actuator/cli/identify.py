@@ -283,7 +283,7 @@ def _regions(result: Identification) -> Table:
     for name in REGIONS:
         table.add_column(name, justify="right")
     for row in (*result.verdict.loads, {"load_N": math.nan, **result.verdict.regions}):
-        load = "all" if math.isnan(row["load_N"]) else f"{row['load_N']:.2f}"
+        load = "all" if math.isnan(row["load_N"]) else f"{row['load_N']:.3g}"
         table.add_row(load, *(f"{row[name]:.2f}" if name in row else "–" for name in REGIONS))
     return table
 
@@ -294,6 +294,6 @@ def _table(result: Identification) -> Table:
         table.add_column(header, justify="left" if header == "log" else "right")
     for e in result.errors:
         table.add_row(
-            e.name, f"{e.load_N:.2f}", f"{e.working_percent:.2f}", f"{e.working_share:.0%}", f"{e.full_percent:.2f}"
+            e.name, f"{e.load_N:.3g}", f"{e.working_percent:.2f}", f"{e.working_share:.0%}", f"{e.full_percent:.2f}"
         )
     return table

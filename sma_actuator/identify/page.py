@@ -76,7 +76,7 @@ def _loops(page: Page, result: Identification, model) -> None:
                 curve_m * 1e3,
                 lw=1,
                 color=line.get_color(),
-                label=f"{np.mean(experiment.signals.load_N):.2f} N",
+                label=f"{np.mean(experiment.signals.load_N):.3g} N",
             )
         ax.set(title="heating" if heating else "cooling", xlabel="resistance [Ω]", ylabel="displacement [mm]")
         low_mm = 1e3 * min(float(t.displacement_m.min()) for t in result.experiments)

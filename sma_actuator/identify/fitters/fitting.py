@@ -179,11 +179,9 @@ def at_bound(name: str, value: float, low: float, high: float, unit: str, means:
     """A sentence where a fitted value stands at the end of what the fit may take."""
     if low * (1.0 + 1e-6) < value < high * (1.0 - 1e-6):
         return []
+    span = f"{low:.4g} to {high:.4g} {unit}".rstrip()
     return [
-        (
-            f"{name} stands at the end of what the fit may take ({value:.4g}, of {low:.4g} to {high:.4g} {unit}): "
-            f"{means}; its interval says nothing"
-        )
+        f"{name} stands at the end of what the fit may take ({value:.4g}, of {span}): {means}; its interval says nothing"
     ]
 
 
@@ -276,4 +274,4 @@ def require_loads(experiments: Sequence[Experiment], order: int, what: str) -> N
 
 
 def _loads_N(experiments: Sequence[Experiment]) -> str:
-    return ", ".join(f"{np.mean(t.signals.load_N):.2f} N" for t in experiments)
+    return ", ".join(f"{np.mean(t.signals.load_N):.3g} N" for t in experiments)

@@ -118,7 +118,7 @@ def _about_loads(loads: Sequence[Mapping[str, float]], working: float) -> list[s
     ]
     if not bad or len(loads) < 2:
         return []
-    words = ", ".join(f"{one['load_N']:.2f} N ({one['working range']:.1f} %)" for one in bad)
+    words = ", ".join(f"{one['load_N']:.3g} N ({one['working range']:.1f} %)" for one in bad)
     return [
         (
             f"not for {words}: the polynomials in stress do not reach there; measure at loads beside it, or leave it "
@@ -129,7 +129,7 @@ def _about_loads(loads: Sequence[Mapping[str, float]], working: float) -> list[s
 
 def _about_one_load(unseen: Unseen, foreign_N: tuple[float, float]) -> str:
     return (
-        f"for one load, {float(np.mean(unseen.load_N)):.2f} N: another costs up to some 1.5 % of full stroke for each "
+        f"for one load, {float(np.mean(unseen.load_N)):.3g} N: another costs up to some 1.5 % of full stroke for each "
         f"tenth that it differs (measured on the virtual bench); below {foreign_N[0]:.2f} and above {foreign_N[1]:.2f} "
         "N the node calls the estimate outside its calibration, and switches off where that lasts "
         "(estimator_outside); to use other loads record pulses at two or three more weights and give identify all the "
@@ -191,7 +191,7 @@ def _about_the_range(
             best = (
                 gain_m,
                 (
-                    f"the range is narrow for the sake of {load_N:.2f} N; without its logs it would be about "
+                    f"the range is narrow for the sake of {load_N:.3g} N; without its logs it would be about "
                     f"{low_m * 1e3:.2f} to {high_m * 1e3:.2f} mm"
                 ),
             )
