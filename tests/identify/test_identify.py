@@ -289,7 +289,7 @@ def in_other_ohms(log):
         pytest.param(
             lambda f: [*f.only("pulses_1.200N"), *map(hurried, f.only("pulses_0.600N"))],
             {},
-            "the logs hold 1 .1.20 N.; at 0.60 N the wire still moved where a pulse or the pause after it ended, make",
+            "the logs hold 1 .1.2 N.; at 0.6 N the wire still moved where a pulse or the pause after it ended, make",
             id="pauses too short for a light load",
         ),
         pytest.param(lambda f: f.only("partial"), {}, "no log of full cycles at a constant load", id="no full cycles"),

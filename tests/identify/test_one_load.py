@@ -80,7 +80,7 @@ def test_an_order_that_one_load_cannot_tell_is_still_refused_where_it_is_asked_f
 def test_the_verdict_says_from_which_load_on_the_node_calls_it_foreign(which, request):
     result = request.getfixturevalue(which)
     (sentence,) = [s for s in result.verdict.sentences if s.startswith("for one load")]
-    assert "1.00 N" in sentence and "each tenth" in sentence
+    assert "1 N" in sentence and "each tenth" in sentence
     low_N, high_N = map(float, re.search(r"below ([\d.]+) and above ([\d.]+) N", sentence).groups())
     assert 0.85 < low_N < 0.92 and 1.08 < high_N < 1.15
     for load_N, seen in ((high_N + 0.03, False), (low_N - 0.03, False), (high_N - 0.04, True), (low_N + 0.04, True)):

@@ -62,7 +62,7 @@ def test_a_table_gives_a_model_that_says_it_was_judged_on_what_it_has_seen(tmp_p
     ]
     assert main([*words, "-q"]) == 0
     said = capsys.readouterr().out
-    assert "on the cycles it was fitted on" in said and "for one load, 5.00 N" in said
+    assert "on the cycles it was fitted on" in said and "for one load, 5 N" in said
     assert Config.for_tools(read_parameter_file(out)).model_type == "flexinol"
 
 

@@ -40,9 +40,10 @@ def test_a_good_model_is_said_to_be_good_and_where():
         ({"hot": 6.0}, "not for the hot end (shorter than 1.00 mm, 25% of the samples): 6.0 %"),
         ({"cold": 6.0}, "not for the cold end (longer than 3.00 mm, 25% of the samples): 6.0 %"),
         ({"partial": 3.5}, "not for partial cycles (3.5 %)"),
-        ({"at_load": {0.5: 4.0}}, "not for 0.50 N (4.0 %)"),
+        ({"at_load": {0.5: 4.0}}, "not for 0.5 N (4.0 %)"),
+        ({"at_load": {0.016: 4.0}, "loads_N": (0.016, 1.0, 1.5)}, "not for 0.016 N (4.0 %)"),
     ],
-    ids=["hot end", "cold end", "partial cycles", "one load"],
+    ids=["hot end", "cold end", "partial cycles", "one load", "a light load"],
 )
 def test_where_it_is_not_good_is_said_with_a_reason_and_a_remedy(errors, sentence):
     found = verdict(samples(**errors))

@@ -184,5 +184,5 @@ def test_calibrations_may_be_given_one_by_one(flexinol, tmp_path, capsys):
     words = [word for one in given for word in ("--set", one)]
     assert main(["identify", log, *WIRE, *words, "--out", str(tmp_path / "m.yaml")]) == 0
     said = capsys.readouterr().out
-    assert "for one load, 1.20 N" in said
+    assert "for one load, 1.2 N" in said
     assert "model: flexinol: whole_range: 3 logs or cycles at least" in said  # the log holds two

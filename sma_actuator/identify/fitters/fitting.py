@@ -179,10 +179,8 @@ def at_bound(name: str, value: float, low: float, high: float, unit: str, means:
     """A sentence where a fitted value stands at the end of what the fit may take."""
     if low * (1.0 + 1e-6) < value < high * (1.0 - 1e-6):
         return []
-    span = f"{low:.4g} to {high:.4g} {unit}".rstrip()
-    return [
-        f"{name} stands at the end of what the fit may take ({value:.4g}, of {span}): {means}; its interval says nothing"
-    ]
+    found = f"{value:.4g}, of {low:.4g} to {high:.4g} {unit}".rstrip()
+    return [f"{name} stands at the end of what the fit may take ({found}): {means}; its interval says nothing"]
 
 
 def transition_rate(log_rate: float) -> float:
