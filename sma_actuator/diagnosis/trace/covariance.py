@@ -49,6 +49,7 @@ NEW = (
 )
 WITH_PLACE = ("time_s", "stress_Pa", "power_lagged_10_s_W")
 LARGE = 10.0  #: σ: smooth errors that leave only what goes with nothing
+STEPS = 50  #: times at which one may have come at once
 
 
 class SmoothErrors:
@@ -60,6 +61,7 @@ class SmoothErrors:
         #: Root of how many readings each row counts as, shape (rows,).
         self.weight = np.concatenate((evidence.sample_weight, np.ones(rows - samples)))
         nowhere = np.zeros(samples)
+        self._time_s = found["time_s"]
         place = _hats(found.get("displacement_m", nowhere), KNOTS)
         heating = (found.get("branch", nowhere) > 0.5)[:, None]
         repeating = [place * heating, place * ~heating, *(_hats(found[n], KNOTS) for n in REPEATING if n in found)]
@@ -86,10 +88,11 @@ class SmoothErrors:
         """How many readings that the calibration has as independent share their error here; at least one.
 
         ``rows``: of the model as it is.  What goes with anything that is looked at is taken off them before, so that
-        what an effect does is not mistaken for it.
+        what an effect does is not mistaken for it, and a step where one fits best: what happens once is off ever after.
         """
-        large = Covariance(self.repeating, *(LARGE * columns for columns in self.new.values()))
-        left = large.inverse(rows)[: evidence.rows_of_samples]
+        smooth = (self.repeating, *(LARGE * columns for columns in self.new.values()))
+        step = self._step(evidence, rows, Covariance(*smooth))
+        left = Covariance(*smooth, LARGE * step).inverse(rows)[: evidence.rows_of_samples]
         log = np.repeat(np.arange(len(evidence.logs.compared)), [len(here) for here in evidence.logs.compared])
         time_s = np.concatenate(
             [t.signals.time_s[here] for t, here in zip(evidence.logs.experiments, evidence.logs.compared, strict=True)]
@@ -97,6 +100,20 @@ class SmoothErrors:
         lasts_s = sum(float(np.ptp(time_s[log == k])) for k in np.unique(log))
         shared_s = correlation_time_s(time_s, left / evidence.sample_weight, log)
         return max(shared_s * float(evidence.independent.sum()) / lasts_s, 1.0)
+
+    def _step(self, evidence: Evidence, rows: np.ndarray, covariance: Covariance) -> np.ndarray:
+        """A step of the displacement beside what else may be off, at the time when it takes most off, (rows, 1)."""
+        floor_m = np.concatenate(evidence.of_displacement.floor_m)[:, None]
+        none, off = np.zeros((len(rows) - len(floor_m), 0)), covariance.whiten(rows)
+        first, last = 0.0, 1.0  # of the readings before it
+        for _ in range(2):
+            shares = np.linspace(first, last, STEPS + 2)
+            after = self._time_s[:, None] >= np.quantile(self._time_s, shares[1:-1])
+            steps = self._columns(after * floor_m.mean() / floor_m, none)
+            whitened = covariance.whiten(steps)
+            best = int(np.argmax((off @ whitened) ** 2 / np.maximum(np.sum(whitened**2, axis=0), 1e-9)))
+            first, last = shares[best], shares[best + 2]
+        return steps[:, [best]]
 
     def _columns(self, of_samples: np.ndarray, of_others: np.ndarray) -> np.ndarray:
         out = np.zeros((len(self.weight), of_samples.shape[1] + of_others.shape[1]))

@@ -127,7 +127,7 @@ class Rows:
         """
         by_what: dict[str, list[float]] = {}
         alone, number = [], len(effects)
-        possible = [one for one in effects if not one.objection]
+        possible = [one for one in effects if not one.why_none]
         best_few = sorted(possible, key=lambda one: -one.log_evidence)[:BEST_FEW]
         for what, covariances in self._unnamed():
             for covariance in covariances:
@@ -225,7 +225,8 @@ def pairs(rows: Rows, alone: Sequence[Hypothesis], jobs: int, progress: Progress
 
     What each effect moves alone says of all of them at once which promise most; these are sketched from where the
     better of the two was fitted, and of those that do better than the best single effect the best few are fitted.  One
-    that happens once is fitted beside the best single one whatever its sketch: when it was, it was looked for alone.
+    that happens once is fitted beside the best single one whatever its sketch: when it was, it was looked for alone;
+    and from there too, since without it the other one had to take its part.
     """
     ranked = sorted(alone, key=lambda one: -one.log_evidence)
     beside: dict[int, list[Hypothesis]] = {}
@@ -240,13 +241,17 @@ def pairs(rows: Rows, alone: Sequence[Hypothesis], jobs: int, progress: Progress
             sketched += zip(found, [ranked[k]] * len(others), others, strict=True)
     sketched.sort(key=lambda one: -one[0])
     better = [(first, other) for evidence, first, other in sketched if evidence > ranked[0].log_evidence][:IN_EARNEST]
-    better += [
-        (ranked[0], other)
-        for other in ranked[1:]
-        if any(c.scanned for c in other.fitted.candidates) and (ranked[0], other) not in better
-    ]
-    out = fitted(rows, [_together(*two) for two in better], jobs, progress, "pairs")
-    return [(LIMITS.rare / math.comb(len(alone), 2), one) for one in out]
+    better += [(ranked[0], other) for other in ranked[1:] if _happens_once(other) and (ranked[0], other) not in better]
+    better += [(other, first) for first, other in better if _happens_once(other)]
+    out: dict[frozenset[str], Hypothesis] = {}
+    for one in fitted(rows, [_together(*two) for two in better], jobs, progress, "pairs"):
+        of_two = frozenset(one.names)
+        out[of_two] = max(out.get(of_two, one), one, key=lambda two: -np.inf if two.why_none else two.log_evidence)
+    return [(LIMITS.rare / math.comb(len(alone), 2), one) for one in out.values()]
+
+
+def _happens_once(alone: Hypothesis) -> bool:
+    return any(c.scanned for c in alone.fitted.candidates)
 
 
 def _together(first: Hypothesis, other: Hypothesis) -> tuple:

@@ -762,6 +762,15 @@ def test_readings_share_their_error_for_as_long_as_what_goes_with_nothing_does(c
     assert smooth_errors.as_one(clean, drifting) < 1.2
 
 
+def test_what_happened_at_once_does_not_make_readings_count_as_fewer(clean):
+    """What has slipped is off ever after, by one error that is none of the model's."""
+    rows, rng = Rows(clean), np.random.default_rng(3)
+    n = clean.rows_of_samples
+    white = rng.standard_normal(n)
+    slipped = (white + 20.0 * (np.arange(n) > 0.43 * n)) * clean.sample_weight
+    assert rows.smooth.as_one(clean, np.append(slipped, np.zeros(len(rows.plain) - n))) < 1.5
+
+
 @pytest.mark.parametrize("what", ["time_s", "place", "stress_Pa", "power_W"])
 def test_something_else_says_what_it_goes_with(clean, what):
     rows = Rows(clean)
