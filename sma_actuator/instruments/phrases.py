@@ -42,7 +42,7 @@ class Command:
     """Texts that change something."""
 
     texts: tuple[str, ...]
-    scale: float = 1.0  #: by which a value in ampere, volt or second is multiplied before it is written
+    scale: float  #: by which a value in ampere, volt or second is multiplied before it is written
 
     @classmethod
     def read(
@@ -140,8 +140,7 @@ class Query:
 
     def numbers(self, reply: str) -> list[float]:
         """A list of numbers; raises ValueError for an answer that is none."""
-        one = dataclasses.replace(self, field=0) if self.field else self
-        return [one.number(part) for part in reply.split(",")]
+        return [self.number(part) for part in reply.split(",")]
 
     def code(self, reply: str) -> int:
         """The whole number at the beginning of an answer; raises ValueError where there is none."""
@@ -285,6 +284,6 @@ def _wrong_placeholders(name: str, texts: tuple[str, ...], allowed: Collection[s
         if used <= set(allowed):
             try:
                 text.format(**_TRIAL)
-            except (ValueError, TypeError) as error:
+            except ValueError as error:
                 problems.append(f"{name}: '{text}' cannot be filled in ({error})")
     return seen

@@ -3,6 +3,7 @@
 import math
 
 import pytest
+import yaml
 
 from sma_actuator.instruments.phrases import Command, Query
 
@@ -28,6 +29,10 @@ def query(reading, **entry):
         ({"base": 16, "scale": 0.5}, "0A", 5.0),
         ({"answer": "R(...).*", "base": 16}, "R0FF123", 255.0),
         ({"answer": "I=(.*)", "field": 1, "scale": 1e-3}, "I=120,3", 0.12),
+        ({"base": 10}, "10", 10.0),
+        ({"base": 16}, "0x1F", 31.0),
+        ({}, "9.9E37", math.inf),
+        ({}, "-9.9E37", -math.inf),
     ],
 )
 def test_a_number_is_found_in_what_is_around_it(entry, reply, value):
@@ -42,6 +47,8 @@ def test_a_number_is_found_in_what_is_around_it(entry, reply, value):
         ({"answer": "V1 (.*)"}, "V1 4.000 V"),
         ({"answer": "V1(?: (.*))?"}, "V1"),
         ({"field": 2}, "1.0"),
+        ({}, "1.0,2.0"),
+        ({"base": 16}, "-1"),
         ({"base": 16}, "1.5"),
         ({"base": 16}, "0xZZ"),
     ],
@@ -75,11 +82,34 @@ def test_yes_and_no_are_words_numbers_or_bits(entry, reply, truth):
 
 @pytest.mark.parametrize(
     ("entry", "reply"),
-    [({}, ""), ({}, "CV"), ({"yes": "CV|CC", "no": "OFF"}, ""), ({"mask": 1}, "ON"), ({"mask": 1}, "1.0")],
+    [
+        ({}, ""),
+        ({}, "CV"),
+        ({"yes": "CV|CC", "no": "OFF"}, ""),
+        ({"yes": "CV|CC", "no": "OFF"}, "ON"),  # no word of this instrument's
+        ({"mask": 1}, "ON"),
+        ({"mask": 1}, "1.0"),
+    ],
 )
 def test_what_is_neither_yes_nor_no_proves_nothing(entry, reply):
     with pytest.raises(ValueError):
         query("truth", **entry).truth(reply)
+
+
+def test_yes_and_no_need_no_quotes_though_yaml_takes_them_for_true_and_false():
+    entry = yaml.safe_load("{yes: CV|CC, no: 'OFF'}")
+    assert set(entry) == {True, False}
+    problems = []
+    read = Query.read("queries.it", {"ask": "IT?", **entry}, (), "truth", problems)
+    assert not problems
+    assert [read.truth(reply) for reply in ("CC", "OFF")] == [True, False]
+
+
+def test_it_is_said_why_a_pattern_for_a_whole_line_will_not_do():
+    problems = []
+    Query.read("queries.it", {"ask": "IT?", "answer": "a*b*c*d*(.)"}, (), "number", problems)
+    assert len(problems) == 1
+    assert problems[0].endswith("whole line is wanted: it has 4 repetitions (*, + …); 3 at the most are wanted")
 
 
 def test_bits_may_depend_on_the_channel():
@@ -97,19 +127,47 @@ def test_bits_may_depend_on_the_channel():
         ({}, '-113,"Undefined header"', -113),
         ({"answer": r"(\d+) .*"}, "0  No Error", 0),
         ({"answer": "ERR (.*)"}, "ERR 7", 7),
+        ({}, '10,"Sixteen were another"', 10),
+        ({"base": 16}, '10,"Of another base"', 16),
     ],
 )
 def test_an_error_has_a_number(entry, reply, code):
     assert query("code", **entry).code(reply) == code
 
 
+def test_what_a_pattern_says_is_the_number_is_all_of_it():
+    with pytest.raises(ValueError, match="'7,1' is not a whole number"):
+        query("code", answer="ERR (.*)").code("ERR 7,1")
+
+
+def test_a_text_may_have_commas():
+    assert query("text").value(" MAKER,MODEL,1.0 ") == "MAKER,MODEL,1.0"
+
+
 def test_a_list_is_read_number_by_number():
     assert query("numbers", answer="(.*)VDC", scale=2).numbers("1.0VDC,2.5VDC") == [2.0, 5.0]
 
 
-def test_a_value_is_written_in_the_unit_of_the_instrument():
+@pytest.mark.parametrize(("scale", "lines"), [(1000, ["A 250", "B 250.000"]), (2, ["A 0", "B 0.500"])])
+def test_a_value_is_written_in_the_unit_of_the_instrument(scale, lines):
     problems = []
-    entry = {"tell": ["A {value:.0f}", "B {value:.3f}"], "scale": 1000}
+    entry = {"tell": ["A {value:.0f}", "B {value:.3f}"], "scale": scale}
     command = Command.read("commands.it", entry, {"value"}, "value", problems)
     assert not problems
-    assert command.lines({"value": 0.25}) == ["A 250", "B 250.000"]
+    assert command.lines({"value": 0.25}) == lines
+
+
+def test_a_scale_is_of_values_alone():
+    problems = []
+    command = Command.read("commands.it", {"tell": "ON {channel}", "scale": 1000}, {"channel"}, None, problems)
+    assert not problems
+    assert command.lines({"channel": 2}) == ["ON 2"]
+
+
+@pytest.mark.parametrize("allowed", [{"value"}, {"value", "channel"}])
+def test_what_no_value_can_be_written_as_is_refused(allowed):
+    """A current is no whole number."""
+    problems = []
+    Command.read("commands.it", "CURR {value:d}", allowed, "value", problems)
+    assert len(problems) == 1
+    assert problems[0].startswith("commands.it: 'CURR {value:d}' cannot be filled in (Unknown format code 'd'")
