@@ -306,3 +306,46 @@ class TestGate:
         assert supervisor.gate(limit_A, True, {}) == (Command(limit_A, True), {TEMPERATURE_DERATING})
         assert supervisor.gate(MAX_A, True, {}) == (Command(limit_A, True), {TEMPERATURE_DERATING})
         assert supervisor.gate(0.99 * limit_A, True, {}) == (Command(0.99 * limit_A, True), set())
+
+
+class TestLetGo:
+    """The latch of an instrument that was away ends by itself once both are back, off, and nothing else is wrong."""
+
+    OFF_AGAIN = WHILE_OFF["supply"]
+
+    @pytest.fixture
+    def latched(self, make):
+        """``latched(name)``: a supervisor that has latched this fault."""
+
+        def latched(name="daq_lost"):
+            supervisor = make(**{"safety.reading_timeout": 0.5})
+            supervisor.latch(FAULTS[name], "for a reason")
+            return supervisor
+
+        return latched
+
+    def test_after_both_have_answered_for_the_reading_timeout(self, latched):
+        supervisor = latched()
+        names = [supervisor.let_go(now_s, READING, self.OFF_AGAIN) for now_s in (10.0, 10.25, 10.5, 10.75)]
+        assert names == ["", "", "daq_lost", ""]
+        assert (supervisor.latched, supervisor.detail) == (None, "")
+
+    @pytest.mark.parametrize(
+        ("reading", "supply"), [(None, OFF_AGAIN), (READING, None), (None, None), (READING, SUPPLY), (None, SUPPLY)]
+    )
+    def test_not_while_one_is_silent_or_the_output_is_on(self, latched, reading, supply):
+        supervisor = latched()
+        assert [supervisor.let_go(now_s, reading, supply) for now_s in (10.0, 11.0)] == ["", ""]
+        assert supervisor.latched is FAULTS["daq_lost"]
+        assert supervisor.let_go(11.0, READING, self.OFF_AGAIN) == ""  # only from now on
+
+    @pytest.mark.parametrize(("present", "name"), [("reading_saturated", ""), ("reference_doubted", "daq_lost")])
+    def test_what_keeps_the_output_off_keeps_the_latch(self, latched, present, name):
+        supervisor = latched()
+        supervisor.present = {FAULTS[present]: "now"}
+        assert [supervisor.let_go(now_s, READING, self.OFF_AGAIN) for now_s in (10.0, 11.0)] == ["", name]
+
+    def test_any_other_fault_waits_for_somebody_to_clear_it(self, latched):
+        supervisor = latched("short")
+        assert [supervisor.let_go(now_s, READING, self.OFF_AGAIN) for now_s in (10.0, 11.0)] == ["", ""]
+        assert (supervisor.latched, supervisor.detail) == (FAULTS["short"], "for a reason")
