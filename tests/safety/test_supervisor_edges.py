@@ -349,3 +349,17 @@ class TestLetGo:
         supervisor = latched("short")
         assert [supervisor.let_go(now_s, READING, self.OFF_AGAIN) for now_s in (10.0, 11.0)] == ["", ""]
         assert (supervisor.latched, supervisor.detail) == (FAULTS["short"], "for a reason")
+
+
+class TestMostRise:
+    """How far above its surroundings the wire can be held."""
+
+    def test_is_what_the_highest_current_holds_where_a_watchdog_cuts_it(self, make):
+        supervisor = make(resistance_Ohm=50.0, **{"supply.watchdog_timeout": 0.5})
+        held_K = MAX_A**2 * 50.0 / supervisor.config.thermal.heat_loss
+        assert supervisor.most_rise_K() == pytest.approx(held_K)
+
+    def test_is_what_may_flow_for_ever_where_none_does(self, make):
+        supervisor = make(resistance_Ohm=50.0, **{"supply.watchdog_timeout": 0.0, "supply.allow_no_watchdog": True})
+        thermal = supervisor.config.thermal
+        assert supervisor.most_rise_K() == supervisor.heat.power_limit_W(INF, thermal) / thermal.heat_loss
