@@ -1,16 +1,18 @@
 """How far an estimate may be off: it covers the truth, and says after a pause that little is known."""
 
+from dataclasses import replace
 from math import isnan
 
 import numpy as np
 import pytest
 
+from sma_actuator.base.calibration import IntervalSection, TrainingSection
 from sma_actuator.base.share import shared_file
 from sma_actuator.base.signals import Mode, Quality
 from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock, Weight
 from sma_actuator.config import Config
 from sma_actuator.driver import Driver
-from sma_actuator.estimation.uncertainty import _interpolated
+from sma_actuator.estimation.uncertainty import Uncertainty, _interpolated
 
 
 @pytest.fixture(scope="module")
@@ -76,3 +78,19 @@ def test_one_sample_is_interpolated_as_numpy_does(places):
     values = [(7.0 * place) ** 2 for place in places]
     for x in (0.0, 1e-3, 1.2e-3, 1.5e-3, 3.999e-3, 4e-3, 5e-3):
         assert _interpolated(x, places, values) == pytest.approx(np.interp(x, places, values), rel=1e-12)
+
+
+@pytest.mark.parametrize("interval_of_its_own", [True, False])
+def test_of_a_wire_that_changed_while_it_was_calibrated_half_of_that_is_unknown(outputs, interval_of_its_own):
+    """What came with the first cycles it has lost since, what came evenly only half of."""
+    output = known(outputs)[-1]
+    config = Config.load(shared_file("config/flexinol.yaml"))
+    calibration = config.calibration
+    if interval_of_its_own:  # as whole_range says it: no table of what is left
+        calibration = replace(calibration, interval=IntervalSection())
+    in_training = replace(calibration, training=TrainingSection(changed=1e-4))
+    model = config.model.build(config.wire)
+    stands_m, trains_m = (
+        Uncertainty(model, each).step(output.signals, output.estimate) for each in (calibration, in_training)
+    )
+    assert trains_m - stands_m == pytest.approx(0.5e-4)

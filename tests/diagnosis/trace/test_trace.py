@@ -814,6 +814,12 @@ def test_what_has_only_nearly_the_form_of_an_effect_is_something_else_that_looks
     assert bent_is.looks_like["lead_resistance"] + bent_is.goes_with["place"] > 0.5
 
 
+def test_what_looks_like_an_effect_that_makes_the_model_worse_is_nothing(a_lead):
+    rows, lead = Rows(a_lead[0]), a_lead[1].hypotheses["lead_resistance",]
+    assert rows.something_else([lead]).looks_like
+    assert not rows.something_else([dataclasses.replace(lead, worse=True)]).looks_like
+
+
 # --- the fits ------------------------------------------------------------------------------------
 
 
