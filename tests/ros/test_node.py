@@ -186,7 +186,7 @@ class TestHolding:
         node = start_node(parameters(recorder={"folder": str(folder)}))
         _enabled(client)
         client.next(f"{NAME}/joint_states", JointState)
-        shutil.rmtree(folder.rename(tmp_path / "gone"))  # at once: the recorder looks for it meanwhile
+        shutil.rmtree(folder, ignore_errors=True)  # it may have a file again before the last one is gone
         node.says(f"the bench log goes on in {folder}")
         _status(
             client, lambda s: "goes on in" in s.values["recorder"] and s.values["recorder"].endswith("; 0 rows lost")
