@@ -13,7 +13,7 @@ import numpy as np
 from sma_actuator.base.one_thread import one_thread
 from sma_actuator.base.parameters import ConfigError, to_mapping
 from sma_actuator.calibration.learning import calibration_of
-from sma_actuator.calibration.training import change_while_measured_m, words_of
+from sma_actuator.calibration.training import words_of
 from sma_actuator.config import Config, bench_from_mapping
 from sma_actuator.derived import Derived, derived, with_derived, without_derived
 from sma_actuator.estimation.chain import stresses_inside_Pa
@@ -127,9 +127,6 @@ def identify(
     experiments = [t for t in everything if t.kind != "fatigue"]
     fitted = fitter.fit(experiments, bench, Asked(method, variant, order, progress))
     notes += at_odds + list(fitted.notes)
-    change_m = 0.0 if fitter.any_size else change_while_measured_m(logs, bench)
-    if change_m:
-        notes.append(words_of(change_m, bench.wire.full_stroke_m))
     reasons |= _follow_anew(mapping, follows)
     mapping["model"] = {"type": model_type, **to_mapping(fitted.coefficients)}
     config = Config.for_tools(mapping)
@@ -137,6 +134,8 @@ def identify(
     config = Config.for_tools(mapping)
     mapping["calibration"] = to_mapping(calibration_of(experiments, config, at_rest=not fitter.any_size))
     config = Config.for_tools(mapping)
+    if config.calibration.training.changed:
+        notes.append(words_of(config.calibration.training.changed, bench.wire.full_stroke_m))
     model = config.model.build(bench.wire)
     full_stroke_m, unseen = bench.wire.full_stroke_m, fitted.unseen
     seen_too = unseen is None or any(STATIC in t.log.metadata for t in experiments)
