@@ -244,21 +244,23 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def look_up(cls: type, name: str) -> tuple[Declaration, str]:
-    """Declaration and kind of the parameter with a dotted name below ``cls``.  Raises ConfigError where there is
-    none."""
+def look_up(cls: type, name: str, prefix: str = "") -> tuple[Declaration, str]:
+    """Declaration and kind of the parameter with a dotted name below ``cls``, whose own is ``prefix``.
+
+    Raises ConfigError where there is none.
+    """
     head, _, rest = name.partition(".")
     fields = {f.name: f for f in dataclasses.fields(cls)}
     if head not in fields:
-        raise ConfigError(no_such_parameter(head, fields))
+        raise ConfigError(no_such_parameter(head, fields, prefix))
     field = fields[head]
     if "parameter" in field.metadata and not rest:
         return declaration_of(field), str(field.type)
     if "section" in field.metadata and rest:
         typed = "variants" in field.metadata
         inside: Any = field.metadata["variants"]()[field.metadata["type"]] if typed else field.default_factory
-        return look_up(inside, rest)
-    raise ConfigError(f"{name}: is no parameter")
+        return look_up(inside, rest, f"{prefix}{head}.")
+    raise ConfigError(f"{prefix}{name}: is no parameter")
 
 
 def from_mapping(cls: type, mapping: Mapping[str, Any], prefix: str = "") -> tuple[Any, list[str]]:

@@ -349,7 +349,7 @@ def _answer(question: Question, asking: Asking) -> Any:
     """A value that will do; asked again where a person's will not.  None: left open."""
     while True:
         from_file = asking.answered(question.name)
-        text = asking.ask(question.name, question.words)
+        text = asking.ask(question.name, question.words, may_be_empty=question.default is not None)
         if text == "?" and not from_file:
             asking.say(f"  {question.explained}")
             continue

@@ -82,10 +82,12 @@ class Asking:
         with self._pause():
             self._console.print(sentence)
 
-    def ask(self, name: str, question: str, meanwhile: Callable[[], Shown] | None = None) -> str:
+    def ask(
+        self, name: str, question: str, meanwhile: Callable[[], Shown] | None = None, may_be_empty: bool = False
+    ) -> str:
         """The answer, without blanks around it; ``meanwhile``: looked at and shown until it comes.
 
-        Raises UserError where nobody can answer.
+        Where nobody can answer it is empty if it ``may_be_empty``; else raises UserError.
         """
         with self._pause():
             self._console.print(f"► {question}", style="bold yellow")
@@ -94,14 +96,22 @@ class Asking:
                 text = str(answer.pop(0) if isinstance(answer, list) else answer).strip()
                 self._console.print(f"  {text} (from the file of answers)")
                 return text
-            return self._line(name, meanwhile)
+            line = self._line(meanwhile)
+            if line is None and not may_be_empty:
+                raise UserError(
+                    f"'{name}' was asked, and standard input is closed, so nobody can answer; run it in a terminal, or "
+                    f"give the answers in a file (--answers FILE with a line '{name}: …')"
+                )
+            if line is None:
+                self._console.print("  nobody can answer: as Enter")
+            return line or ""
 
-    def _line(self, name: str, meanwhile: Callable[[], Shown] | None) -> str:
-        """The next line of standard input."""
+    def _line(self, meanwhile: Callable[[], Shown] | None) -> str | None:
+        """The next line of standard input; None at its end."""
         try:
             handle = sys.stdin.fileno()
         except (AttributeError, ValueError, io.UnsupportedOperation):
-            raise self._nobody(name) from None
+            return None
         showing = _Showing(self._console)
         ended = False
         while b"\n" not in self._read and not ended:
@@ -117,15 +127,9 @@ class Asking:
             ended = not more or len(self._read) > _LONGEST_ANSWER
         showing.end()
         if ended and not self._read:
-            raise self._nobody(name)
+            return None
         line, _, self._read = self._read.partition(b"\n")
         return line.decode(errors="replace").strip()
-
-    def _nobody(self, name: str) -> UserError:
-        return UserError(
-            f"'{name}' was asked, and standard input is closed, so nobody can answer; run it in a terminal, or give "
-            f"the answers in a file (--answers FILE with a line '{name}: …')"
-        )
 
 
 class _Showing:

@@ -155,7 +155,7 @@ def test_answers_may_stand_in_a_file_with_any_other_parameter(tmp_path, capsys):
     assert "wire.length: 'abc' is not a number" in capsys.readouterr().err, "before anything is asked"
     answers.write_text("wire.lenght: 0.1\n")
     assert main([*words[:-1], str(tmp_path / "other.yaml")]) == 1
-    assert "did you mean length?" in capsys.readouterr().err
+    assert "wire.lenght: no such parameter; did you mean wire.length?" in capsys.readouterr().err
 
 
 def test_one_channel_for_two_voltages_is_refused_with_both_parameters(tmp_path, capsys):
@@ -180,8 +180,17 @@ def test_channels_that_are_not_there_are_none_twice(tmp_path):
 def test_nobody_to_answer_is_a_sentence(tmp_path):
     done = asked(None, "--set", "wire.alloy=ni-ti", "--out", tmp_path / "bench.yaml")
     assert done.returncode == 1 and "Traceback" not in done.stderr
-    assert "'wire.form' was asked, and standard input is closed" in done.stderr
+    assert "'wire.length' was asked, and standard input is closed" in done.stderr
     assert not (tmp_path / "bench.yaml").exists()
+
+
+def test_where_nobody_answers_what_has_a_usual_answer_gets_it(tmp_path):
+    usual = {question.name for question in QUESTIONS if question.default is not None}
+    given = [word for name, text in ANSWERS.items() if name not in usual for word in ("--set", f"{name}={text}")]
+    done = asked(None, *given, "--out", tmp_path / "bench.yaml")
+    assert done.returncode == 0, done.stderr
+    assert "nobody can answer: as Enter" in done.stderr
+    assert read_parameter_file(tmp_path / "bench.yaml")["instruments"]["daq"]["supply_voltage_channel"] == 101
 
 
 def test_a_supply_without_a_watchdog_wants_a_word(tmp_path, capsys):
