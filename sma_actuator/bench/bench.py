@@ -23,7 +23,7 @@ from .supply import SimulatedSupply
 
 STEP_s = 1e-3
 RING = 8192
-USUAL_Pa = 54e6  #: on a coil or a bundle on which nothing else is hung, as 0.98 N make on the wire of 0.1524 mm
+USUAL_Pa = 54e6  #: on a coil, a bundle or another diameter on which nothing else is hung, as 0.98 N make on the wire of 0.1524 mm
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +110,7 @@ class VirtualBench:
         ``like`` has size and form; ``physics`` is a name that :func:`sma_actuator.bench.real.wire_of` knows;
         ``cycles`` is how many the wire has done before; ``setup`` may hold other fields of :class:`Setup`.
         """
-        wire = wire_of(name, physics).after(cycles)
+        wire = home = wire_of(name, physics).after(cycles)
         if like is not None:
             wire = replace(
                 wire,
@@ -120,7 +120,7 @@ class VirtualBench:
                 wires=like.wires,
                 in_series=like.connection == "series",
             )
-        if load is None and (wire.coil_diameter_m or wire.wires > 1):
+        if load is None and (wire.coil_diameter_m or wire.wires > 1 or wire.diameter_m != home.diameter_m):
             load = Weight(USUAL_Pa * constants(wire, 0.0).area_m2)
         if load is not None:
             setup["load"] = load

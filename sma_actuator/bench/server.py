@@ -21,7 +21,10 @@ from typing import Any
 
 from sma_actuator.base.jit import at_once
 from sma_actuator.base.options import number_within
+from sma_actuator.base.parameter_file import read_parameter_file
+from sma_actuator.base.parameters import ConfigError
 from sma_actuator.bench.real import PHYSICS, physics_name
+from sma_actuator.config import bench_from_mapping
 from sma_actuator.console import refuse_to_overwrite, say_next
 from sma_actuator.instruments import InstrumentError
 from sma_actuator.logs.files import write_atomically
@@ -304,13 +307,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"what the wire is made of and how it transforms: {PHYSICS} (default %(default)s)",
     )
     parser.add_argument(
+        "--config",
+        type=Path,
+        metavar="BENCH.yaml",
+        help="the wire has the size and form of the one in this file, as `init` writes it (default: its own)",
+    )
+    parser.add_argument(
         "--load",
         type=_checked(_parse_load),
         metavar="LOAD",
         help="weight:N, spring:N/m,N[,m] (stiffness, tension, displacement where it has it), schedule:s,N,s,N,… or "
         "joint:m,m[,m] (radius of the pulley, displacement of both or each of two wires at angle zero), which takes "
-        "two "
-        "benches (default weight:0.98; of a coil or a bundle, the same stress)",
+        "two benches (default weight:0.98; of a coil, a bundle or another diameter, the same stress)",
     )
     parser.add_argument(
         "--ambient", type=number_within(-40, 100), default=22.0, metavar="°C", help="default %(default)s"
@@ -362,6 +370,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Serve the benches that the options ask for; 0 after SIGINT or SIGTERM."""
     refuse_to_overwrite(args, args.ports_file)
+    like = bench_from_mapping(read_parameter_file(args.config), str(args.config)).wire if args.config else None
+    if like and isinstance(args.load, Joint):
+        raise ConfigError("--config: the wires of a joint have their own size; leave out one of --config and --load joint")
     benches: list[VirtualBench] = []
     for number in range(args.count):
         if isinstance(args.load, Joint):
@@ -370,7 +381,7 @@ def run(args: argparse.Namespace) -> int:
         else:
             seed = args.seed + number
             benches.append(
-                VirtualBench.from_name(args.wire, seed, args.load, physics=args.physics, ambient_C=args.ambient)
+                VirtualBench.from_name(args.wire, seed, args.load, like, args.physics, ambient_C=args.ambient)
             )
     for bench in benches:
         for name, value, at_s in args.fault:

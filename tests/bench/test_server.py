@@ -12,10 +12,12 @@ import time
 import pytest
 from waiting import Stalls
 
+from sma_actuator.base.share import shared_file
 from sma_actuator.bench import VirtualBench
 from sma_actuator.bench.joint import JointBench
 from sma_actuator.bench.server import Pacer, background
 from sma_actuator.cli.main import main
+from sma_actuator.config import read_parameter_file, write_parameter_file
 from sma_actuator.instruments import InstrumentError
 from sma_actuator.plant.joint import parse_joint
 
@@ -278,6 +280,27 @@ def test_the_process_serves_the_physics_that_was_asked_for(tmp_path):
             process.kill()
             process.communicate()
     assert shares["liang_rogers"] == 1.0 and 0.8 < shares["measured"] < 0.98 < shares["drawn-4"] < 0.995
+
+
+def test_the_wire_has_the_size_of_the_one_in_a_file(tmp_path, monkeypatch):
+    """A tenth of the cross-section and the usual stress: ten times the resistance, a tenth of the load."""
+    mapping = read_parameter_file(shared_file("config/flexinol.yaml"))
+    home_m = mapping["wire"]["diameter"]
+    mapping["wire"]["diameter"] = home_m / 10.0**0.5
+    write_parameter_file(tmp_path / "fine.yaml", mapping, "A fine wire.")
+    served = []
+    monkeypatch.setattr("sma_actuator.bench.server.serve", lambda benches, *rest: served.extend(benches))
+    for words in ((), ("--config", str(tmp_path / "fine.yaml"))):
+        assert main(["bench", *words]) == 0
+    home, fine = (bench.truth for bench in served)
+    assert fine.load_N == pytest.approx(home.load_N / 10.0, rel=0.01)
+    assert fine.resistance_Ohm == pytest.approx(home.resistance_Ohm * 10.0, rel=0.01)
+
+
+def test_two_wires_on_a_joint_have_a_size_of_their_own(capsys):
+    file = shared_file("config/flexinol.yaml")
+    assert main(["bench", "--config", str(file), "--load", "joint:0.004,0.0017"]) == 1
+    assert "leave out one of --config and --load joint" in capsys.readouterr().err
 
 
 def test_two_benches_of_a_joint_have_one_time_and_say_its_angle():
