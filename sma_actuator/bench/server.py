@@ -372,7 +372,9 @@ def run(args: argparse.Namespace) -> int:
     refuse_to_overwrite(args, args.ports_file)
     like = bench_from_mapping(read_parameter_file(args.config), str(args.config)).wire if args.config else None
     if like and isinstance(args.load, Joint):
-        raise ConfigError("--config: the wires of a joint have their own size; leave out one of --config and --load joint")
+        raise ConfigError(
+            "--config: the wires of a joint have their own size; leave out one of --config and --load joint"
+        )
     benches: list[VirtualBench] = []
     for number in range(args.count):
         if isinstance(args.load, Joint):
