@@ -23,7 +23,8 @@ from .supply import SimulatedSupply
 
 STEP_s = 1e-3
 RING = 8192
-USUAL_Pa = 54e6  #: on a coil, a bundle or another diameter on which nothing else is hung, as 0.98 N make on the wire of 0.1524 mm
+#: On a coil, a bundle or another diameter on which nothing else is hung, as 0.98 N make on the wire of 0.1524 mm.
+USUAL_Pa = 54e6
 
 
 @dataclass(frozen=True, slots=True)
