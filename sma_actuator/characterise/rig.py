@@ -16,9 +16,8 @@ from sma_actuator.base.signals import Branch, Command, Estimate, Quality, Readin
 from sma_actuator.estimation.circuit import signals_from_reading
 from sma_actuator.instruments import Clock, Daq, InstrumentLate, InstrumentLost, InstrumentRefused, PowerSupply
 from sma_actuator.logs.bench_log import BenchLog
-from sma_actuator.safety.drift import made_ready
 from sma_actuator.safety.faults import gravest
-from sma_actuator.safety.records import Memory, Step
+from sma_actuator.safety.records import Memory, Step, made_ready
 from sma_actuator.safety.supervisor import Supervisor
 
 from .programs import Program

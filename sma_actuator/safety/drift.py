@@ -358,10 +358,3 @@ class VoltagesApart(Apart):
             self._digit_V = min(self._digit_V, abs(supply_V - self._latest_V))
         self._latest_V = supply_V
         return self._step(now_s, current_A, daq_V, (-daq_V, -supply_V), (supply_V, daq_V), share, is_new, self._digit_V)
-
-
-def made_ready() -> None:
-    """Have the kernels compiled, or loaded: before current flows, which would go on through the seconds that it takes
-    in the first step."""
-    for apart in (CurrentsApart(), VoltagesApart()):
-        apart.step(0.0, 0.0, 0.0, 0.0, 0.0)

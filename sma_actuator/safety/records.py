@@ -165,6 +165,15 @@ class Memory:
         return self.owed[name]
 
 
+def made_ready() -> None:
+    """Have the kernels of the guards compiled, or loaded: before current flows, which would go on through the seconds
+    that it takes in the first step."""
+    memory = Memory()
+    for apart in (memory.currents, memory.voltages):
+        apart.step(0.0, 0.0, 0.0, 0.0, 0.0)
+    memory.load_alive.noise.step(0.0)
+
+
 @record(frozen=True, slots=True)
 class Waited:
     """How long the loop has waited for its instruments [s]: for each question no longer than its answer may take."""

@@ -18,6 +18,7 @@ from sma_actuator.safety.drift import (
     VoltagesApart,
     WINDOW_s,
 )
+from sma_actuator.safety.records import made_ready
 
 PERIOD_s, SHARE, SHARE_V = 0.05, 0.005, 0.015  #: of current and voltage that may be a drift
 
@@ -640,7 +641,7 @@ class TestByTheirDefinition:
 @pytest.mark.skipif(not COMPILED, reason="numba is not installed: nothing is compiled")
 def test_made_ready_no_step_with_current_waits_for_a_kernel():
     """Whatever kind of number it is given: in the first part of characterise they were compiled with the output on."""
-    drift.made_ready()
+    made_ready()
     ready = list(drift._apart.signatures)
     currents, voltages = CurrentsApart(), VoltagesApart()
     for i, number in enumerate((float, np.float64, float)):
