@@ -22,7 +22,7 @@ from sma_actuator.derived import not_survived
 from sma_actuator.estimation.circuit import signals_from_reading
 from sma_actuator.instruments import Clock, Daq, InstrumentError, PowerSupply
 
-from .pace import Pace
+from .pace import LEAST_RATE_Hz, Pace
 
 BLOCKS = 20  #: read for each mean
 STEPS = 10  #: of the loop, of which the median says what the instruments take
@@ -207,6 +207,7 @@ class SelfTest:
 
     def _speed(self) -> None:
         """Output off: both quick enough for the loop and its time-outs?  Slower ones give no later part a chance."""
+        self._block()
         pace = self._pace()
         if pace.too_slow:
             self._end("speed", pace.sentence)
@@ -262,6 +263,26 @@ class SelfTest:
             )
         else:
             self._say("rate", f"a new block every {period_s * 1e3:.3g} ms")
+
+    def _block(self) -> None:
+        """Is a block of several readings one that any loop could wait for?  What a shorter one takes is not known."""
+        samples, began_s = self._config.loop.samples_per_block, self._clock.now_s()
+        late: InstrumentError | None = None
+        try:
+            self._daq.read_block()
+        except InstrumentError as error:
+            late = error
+        took_s = self._clock.now_s() - began_s
+        if samples > 1 and took_s > 1.0 / LEAST_RATE_Hz:
+            more = "more than " if late else ""
+            self._end(
+                "speed",
+                f"a block of {samples} readings of each channel takes the DAQ {more}{took_s:.2g} s, as where it reads "
+                f"one channel after the other, and a step may take {1.0 / LEAST_RATE_Hz:g} s at the most; write "
+                "loop.samples_per_block: 1",
+            )
+        if late is not None:
+            raise late
 
     def _pace(self) -> Pace:
         """What a step of the loop takes both instruments."""

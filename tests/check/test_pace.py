@@ -8,10 +8,11 @@ from hypothesis import strategies as st
 from sma_actuator.base.share import shared_file
 from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock
 from sma_actuator.check import SelfTest
-from sma_actuator.check.command import with_patience
+from sma_actuator.check.command import PATIENCE_s, with_patience
 from sma_actuator.check.pace import Pace
 from sma_actuator.check.selftest import Level
 from sma_actuator.config import bench_from_mapping, read_parameter_file
+from sma_actuator.instruments import InstrumentLost
 
 MAPPING = read_parameter_file(shared_file("config/flexinol_bench.yaml"))
 BENCH = bench_from_mapping(MAPPING)
@@ -75,3 +76,31 @@ def test_of_instruments_slower_than_their_time_outs_check_says_what_to_write_and
         pairs = (pair.split(": ") for pair in written.split(", ") if pair)
         mapping = with_written(mapping, {name: yaml.safe_load(value) for name, value in pairs})
     assert mapping["instruments"]["supply"]["timeout"] > delay_s and mapping["loop"]["rate"] < BENCH.loop.rate
+
+
+@pytest.mark.parametrize("of_reading_s", [0.02, 0.2], ids=["it comes", "it does not come in time"])
+def test_a_daq_that_cannot_read_such_a_block_is_told_to_read_one_and_then_what_a_step_takes(of_reading_s):
+    """As a multiplexer with the block that init leaves to it: 50 readings of each channel took 10 s, and all that was
+    said was that no answer came."""
+
+    class Multiplexer(InProcessDaq):
+        def read_block(self):
+            took_s = of_reading_s * 4 * config.loop.samples_per_block
+            clock.sleep_until_s(clock.now_s() + min(took_s, PATIENCE_s))
+            if took_s > PATIENCE_s:
+                raise InstrumentLost("no complete answer to 'READ?' within 5 s")
+            return super().read_block()
+
+    mapping = MAPPING
+    for wanted in ("loop.samples_per_block: 1", "loop.rate: "):
+        config = bench_from_mapping(mapping)
+        bench = VirtualBench.from_name("flexinol")
+        bench.advance(0.2)
+        bench.inject("slow_answers", 0.01)
+        clock, patient = VirtualClock(bench), with_patience(config)
+        test = SelfTest(config, InProcessSupply(bench, patient), Multiplexer(bench, patient), clock)
+        (*_, said) = (each for each in test.run() if each.level is Level.WRONG)
+        assert said.part == "speed" and wanted in said.sentence, said.sentence
+        assert wanted == "loop.rate: " or "timeout" not in said.sentence  # which a block of one wants shorter
+        assert not bench.supply.output_on
+        mapping = with_written(mapping, {"loop.samples_per_block": 1})
