@@ -11,7 +11,6 @@ import numpy as np
 
 from sma_actuator.base.balance import held_rise_K, holding_A
 from sma_actuator.base.parameters import ConfigError
-from sma_actuator.base.sections import Wire
 from sma_actuator.config import require_sense_resistor
 
 from .programs import FROM_COLD, every_ordered_pair
@@ -95,18 +94,19 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
     """
     _measurable(config, options)
     wire, thermal = config.wire, config.thermal
-    strongest_N = wire.max_stress * wire.area_m2
-    loads_N = options.loads_N or _loads_N(STRESSES_Pa, wire)
-    masses_kg = options.masses_kg or _masses_kg(0.9 * strongest_N)
+    driven_N = _driven_N(config)
+    loads_N = options.loads_N or _loads_N(STRESSES_Pa, config)
+    masses_kg = options.masses_kg or _masses_kg(driven_N)
     if "load_cell" not in options.skip and len(set(masses_kg)) < LEAST_MASSES:
         raise ConfigError(
             f"masses: {len(set(masses_kg))} are too few to calibrate a load cell; {LEAST_MASSES} different ones are "
             "wanted (--masses, in grams), or --skip load_cell where it is calibrated"
         )
-    for load_N in loads_N:
-        if not 0.0 < load_N <= strongest_N:
+    for load_N in (*loads_N, *(preload_N for _, preload_N in options.springs_N_m)):
+        if not 0.0 < load_N < driven_N:
             raise ConfigError(
-                f"loads: {load_N:g} N is outside what the wire may carry, 0 to {strongest_N:.3g} N (wire.max_stress)"
+                f"loads: {load_N:g} N is outside what the wire is driven with, 0 to {driven_N:.3g} N "
+                "(safety.stress_limit_fraction of wire.max_stress)"
             )
     if options.follow:
         return _second_round(config, options)
@@ -195,7 +195,7 @@ def _second_round(config, options: PlanOptions) -> list[Part]:
     positions = max(POSITIONS, round(HELD_s / dwell_s))
     stiffness_N_m = SPRING_Pa_m * (config.wire.length / config.wire.strain_length_m) * area_m2
     stiffness_N_m = round(stiffness_N_m, max(1, _decimals(stiffness_N_m)))
-    followed_N = _loads_N(FOLLOWED_Pa, config.wire)
+    followed_N = _loads_N(FOLLOWED_Pa, config)
     loads_N, springs = options.loads_N or followed_N, options.springs_N_m or ((stiffness_N_m, followed_N[0]),)
     loads: list[tuple[str, dict[str, Any]]] = [(_name(load_N), {"load_N": load_N}) for load_N in loads_N]
     loads += [(f"spring_{k:g}N_m_{p:g}N", {"stiffness_N_m": k, "preload_N": p}) for k, p in springs]
@@ -222,10 +222,15 @@ def _decimals(number: float) -> int:
     return 2 - math.floor(math.log10(number))
 
 
-def _loads_N(stresses_Pa: Sequence[float], wire: Wire) -> tuple[float, ...]:
-    """The loads that put a wire under these stresses, as far as it may carry them: to a millinewton, or finer where the
-    wire is fine."""
-    loads_N = [s * wire.area_m2 for s in stresses_Pa if s < 0.9 * wire.max_stress]
+def _driven_N(config) -> float:
+    """From this load on a wire is held where it is: a guard lets it contract no further."""
+    return float(config.safety.stress_limit_fraction * config.wire.max_stress * config.wire.area_m2)
+
+
+def _loads_N(stresses_Pa: Sequence[float], config) -> tuple[float, ...]:
+    """The loads that put a wire under these stresses, as far as it is driven with them: to a millinewton, or finer
+    where the wire is fine."""
+    loads_N = [load_N for s in stresses_Pa if (load_N := s * config.wire.area_m2) < _driven_N(config)]
     return tuple(round(load_N, max(3, _decimals(load_N))) for load_N in loads_N)
 
 

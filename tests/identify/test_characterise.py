@@ -512,10 +512,12 @@ def test_the_same_characterisation_over_tcp(tmp_path):
 @pytest.mark.parametrize(
     "options, sentence",
     [
-        (PlanOptions(loads_N=(9.0,)), "9 N is outside what the wire may carry"),
+        (PlanOptions(loads_N=(9.0,)), "9 N is outside what the wire is driven with, 0 to 2.87 N"),
+        (PlanOptions(loads_N=(0.6, 2.9)), "2.9 N is outside what the wire is driven with, 0 to 2.87 N"),
+        (PlanOptions(springs_N_m=((300.0, 2.9),)), "2.9 N is outside what the wire is driven with"),
         (PlanOptions(heat_current_A=0.9), "0.9 A is not between"),
     ],
-    ids=["a load beyond the wire", "a current beyond the limit"],
+    ids=["a load beyond the wire", "a load that it is not moved with", "nor on a spring", "a current beyond the limit"],
 )
 def test_a_plan_that_would_harm_the_wire_is_refused(options, sentence):
     _, rig, _ = virtual_rig("flexinol")
