@@ -22,7 +22,7 @@ from sma_actuator.safety.limits import (
     SETPOINT_RATE,
     SETPOINT_REACH,
 )
-from sma_actuator.safety.reach import BEYOND_K, Needed, Reach
+from sma_actuator.safety.reach import Places, Reach
 from sma_actuator.safety.records import Limit
 from sma_actuator.safety.supervisor import Supervisor
 
@@ -65,6 +65,7 @@ class Following:
         self._ends = Ends(config, chain.displacement_range_m, chain.knows_the_ends)
         self.short_m, self.long_m = chain.displacement_range_m  #: where it can be held at its load and limits
         self._beyond = ""  #: at which end the setpoint is held
+        self._places = Places(config.calibration)
         self._reach = Reach(config.wire.full_stroke_m, config.thermal.balance)
         self._controlled_s = nan  #: when the law was last stepped
 
@@ -149,7 +150,12 @@ class Following:
             at_limit=seen.told_A >= ALL_THERE_IS * seen.limit_A,
             power_W=max(0.0, seen.signals.power_W),  # of the wire alone; 0 where too little flows to measure
             load_N=seen.signals.load_N,
-            heat=self._needed_heat(seen),
+            heat=self._places.needed(
+                seen.estimate.displacement_m,
+                seen.signals.stress_Pa,
+                supervisor.heat.ambient.temperature_C,
+                self.config.thermal.heat_loss,
+            ),
         )
         if self._reach.floor_m > setpoint_m:
             limits.add(SETPOINT_REACH)
@@ -157,16 +163,6 @@ class Following:
             if vain:
                 supervisor.latch(no_motion, vain)
         return max(setpoint_m, self._reach.floor_m)
-
-    def _needed_heat(self, seen: Seen) -> Needed | None:
-        """What heat the wire takes to be where it seems to be; None where the calibration does not say."""
-        calibration, thermal, stress_Pa = self.config.calibration, self.config.thermal, seen.signals.stress_Pa
-        if not calibration.transformation_known:
-            return None
-        share = calibration.share_of_stroke(seen.estimate.displacement_m, stress_Pa)
-        rise_K = calibration.power.heating_C(share, stress_Pa) - self._supervisor.heat.ambient.temperature_C
-        loss_W_K = thermal.heat_loss
-        return Needed(share, loss_W_K * rise_K, loss_W_K * BEYOND_K, loss_W_K * calibration.power.latent_rise)
 
     def _current_A(self, seen: Seen, setpoint_m: float, is_new: bool, limits: set[Limit]) -> float:
         controller, tuning = self.controller, self._tuner.running

@@ -104,13 +104,17 @@ class PowerSection:
         optional=True,
     )
 
+    @property
+    def heating(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Shares of the stroke, and the temperatures of the heating wire there, at no stress."""
+        return _shares(len(self.transformation_heating)), self.transformation_heating
+
     def heating_C(self, share: float, stress_Pa: float) -> float:
         """Temperature, by the heat balance, of a heating wire at a share of its stroke and a stress; NaN where not
         known."""
         if not (self.transformation_heating and self.transformation_shift):
             return nan
-        shifted_K = self.transformation_shift[1] * stress_Pa
-        return interpolated(share, _shares(len(self.transformation_heating)), self.transformation_heating) + shifted_K
+        return interpolated(share, *self.heating) + self.transformation_shift[1] * stress_Pa
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,9 @@ from math import exp, inf, isfinite, nan, sqrt
 import numpy as np
 
 from sma_actuator.base.balance import gains
+from sma_actuator.base.jit import Floats, jit
 from sma_actuator.base.signals import Estimate, Signals
+from sma_actuator.base.tables import looked_up, row_of
 
 from .law import LawSections
 
@@ -101,8 +103,10 @@ class Heat:
     """How warm a wire is by its heat balance, with the latent heat of what has transformed."""
 
     def __init__(self, sections: LawSections):
-        thermal = sections.thermal
-        self._calibration = sections.calibration
+        thermal, hot_end, rest = sections.thermal, sections.calibration.hot_end, sections.calibration.rest
+        self._ends = row_of(
+            (hot_end.contracted_stress, hot_end.contracted_displacement), (rest.cold_stress, rest.cold_displacement)
+        )
         self.loss_W_K, self.capacity_J_K = thermal.heat_loss, thermal.heat_capacity
         self._balance = thermal.balance
         self.update(sections)
@@ -111,13 +115,15 @@ class Heat:
         self.content_C = nan  #: the heat content, as the temperature that goes with it at no share of the stroke
         self.near_K = 0.0  #: how warm its near surroundings are
         self.share = 1.0
-        self.load(0.0)
+        self.stress_Pa = 0.0
+        #: Between which displacements it moves at that.
+        self._loaded_ends_m = looked_up(self._ends, 0, 0.0), looked_up(self._ends, 1, 0.0)
         self.resistance_Ohm = nan
         self._time_s = nan
         #: Between these a setpoint turns, whatever the load: one that stands still must not turn with its noise.
         self._ends_m = (
-            float(np.mean(sections.calibration.hot_end.contracted_displacement)),
-            float(np.mean(sections.calibration.rest.cold_displacement)),
+            float(np.mean(hot_end.contracted_displacement)),
+            float(np.mean(rest.cold_displacement)),
         )
 
         self.stroke_m = self._ends_m[1] - self._ends_m[0]  #: from the contracted to the cold wire, whatever the load
@@ -132,11 +138,6 @@ class Heat:
         """Whether it was measured yet."""
         return self.resistance_Ohm > 0.0 and isfinite(self.content_C)
 
-    def load(self, stress_Pa: float) -> None:
-        """Carry a load, which says between which displacements it moves."""
-        self.stress_Pa = stress_Pa
-        self._loaded_ends_m = self._calibration.ends_m(stress_Pa)
-
     def sense(self, signals: Signals, estimate: Estimate) -> None:
         """Keep the balance; also while nothing is driven."""
         ambient_C = signals.ambient_temperature_C
@@ -144,22 +145,25 @@ class Heat:
             ambient_C = self._usual_C
         self.ambient_C = ambient_C
         if isfinite(signals.stress_Pa):
-            self.load(signals.stress_Pa)
+            self.stress_Pa = signals.stress_Pa
         if signals.resistance_Ohm > 0.0:
             self.resistance_Ohm = signals.resistance_Ohm
-        if isfinite(estimate.displacement_m):
-            self.share = min(max(self.share_at(estimate.displacement_m), 0.0), 1.0)
         step_s = signals.time_s - self._time_s
         self._time_s = signals.time_s
-        power_W = max(0.0, signals.power_W)
-        if not isfinite(self.content_C):
-            rise_K = power_W / self.loss_W_K
-            self.content_C = self.ambient_C + rise_K - self.latent_K * self.share
-            self.near_K = self._balance.near_share * rise_K
-        elif step_s > 0.0:
-            wire_K, near_K = self._gains_K(self.content_C, power_W, step_s)
-            self.content_C += wire_K
-            self.near_K += near_K
+        hot_m, cold_m, self.share, self.content_C, self.near_K = _sense(
+            self._ends,
+            self.stress_Pa,
+            estimate.displacement_m,
+            self.share,
+            self.content_C,
+            self.near_K,
+            ambient_C,
+            max(0.0, signals.power_W) / self.loss_W_K,
+            step_s,
+            self.latent_K,
+            *self._balance,
+        )
+        self._loaded_ends_m = hot_m, cold_m
         self.temperature_C = self.content_C + self.latent_K * self.share
 
     def after_C(self, content_C: float, power_W: float, step_s: float) -> float:
@@ -189,6 +193,36 @@ class Heat:
         """The current that holds a temperature, and changes it at a rate."""
         power_W = self.loses_W(temperature_C) + self.capacity_J_K * rate_K_s
         return sqrt(max(power_W, 0.0) / self.resistance_Ohm)
+
+
+@jit
+def _sense(
+    ends: Floats,
+    stress_Pa: float,
+    position_m: float,
+    share: float,
+    content_C: float,
+    near_K: float,
+    ambient_C: float,
+    held_K: float,
+    step_s: float,
+    latent_K: float,
+    time_constant_s: float,
+    near_share: float,
+    near_s: float,
+) -> tuple[float, float, float, float, float]:
+    """Both ends at a stress, then share of the stroke, heat content and surroundings after a step in which the power
+    would hold a rise."""
+    hot_m, cold_m = looked_up(ends, 0, stress_Pa), looked_up(ends, 1, stress_Pa)
+    if isfinite(position_m):
+        share = min(max((position_m - hot_m) / (cold_m - hot_m), 0.0), 1.0)
+    if not isfinite(content_C):
+        content_C, near_K = ambient_C + held_K - latent_K * share, near_share * held_K
+    elif step_s > 0.0:
+        rise_K = content_C + latent_K * share - ambient_C
+        wire_K, around_K = gains(rise_K, near_K, held_K, step_s, time_constant_s, near_share, near_s)
+        content_C, near_K = content_C + wire_K, near_K + around_K
+    return hot_m, cold_m, share, content_C, near_K
 
 
 class Landing:

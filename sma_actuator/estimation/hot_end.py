@@ -17,8 +17,9 @@ from typing import Protocol
 import numpy as np
 
 from sma_actuator.base.calibration import Calibration, interpolated
-from sma_actuator.base.jit import jit
+from sma_actuator.base.jit import Floats, jit
 from sma_actuator.base.sections import ThermalParameters
+from sma_actuator.base.tables import looked_up, row_of
 
 #: Shares of the calibration's range of resistance above that of the contracted wire, within which the wire counts as
 #: contracted from now on, and beyond which it does no more.
@@ -47,6 +48,21 @@ def _contracted(
     austenite = contracted + line[2] * (ambient + state[1] - line[3])
     state[2] = 1.0 if resistance - austenite < (line[5] if state[2] > 0.5 else line[4]) else 0.0
     return state[2] > 0.5
+
+
+@jit
+def _is_contracted(
+    row: Floats,
+    stress: float,
+    time: float,
+    resistance: float,
+    power: float,
+    ambient: float,
+    state: np.ndarray,
+    line: np.ndarray,
+) -> bool:
+    """The same at a stress."""
+    return _contracted(time, resistance, looked_up(row, 0, stress), power, ambient, state, line)
 
 
 @jit
@@ -87,6 +103,7 @@ class HotEnd:
         self.known = config.calibration.hot_end_known
         self._stress_Pa, self._resistance_Ohm = hot_end.contracted_stress, hot_end.contracted_resistance
         self._displacement_m = hot_end.contracted_displacement
+        self._row = row_of((self._stress_Pa, self._resistance_Ohm))
         self._state = np.zeros(3)
         self.update(config)
         self.reset()
@@ -119,8 +136,9 @@ class HotEnd:
         """Whether one sample is that of a contracted wire."""
         if isnan(ambient_C) or abs(ambient_C - self._usual_C) > self._tolerance_K:
             ambient_C = self._usual_C
-        contracted_Ohm = interpolated(stress_Pa, self._stress_Pa, self._resistance_Ohm)
-        return bool(_contracted(time_s, resistance_Ohm, contracted_Ohm, power_W, ambient_C, self._state, self._line))
+        return bool(
+            _is_contracted(self._row, stress_Pa, time_s, resistance_Ohm, power_W, ambient_C, self._state, self._line)
+        )
 
     def run(
         self,

@@ -9,20 +9,23 @@ so does this.  Of any model that was calibrated on a wire in training: how far t
 
 from __future__ import annotations
 
-from bisect import bisect_left, bisect_right
-from collections.abc import Sequence
 from itertools import pairwise
 from math import exp, hypot, isfinite, nan
 
 import numpy as np
 
 from sma_actuator.base.calibration import Calibration, unknown_since_then_m
-from sma_actuator.base.signals import Branch, Estimate, Quality, Signals
+from sma_actuator.base.jit import Floats, floats, jit
+from sma_actuator.base.signals import Estimate, Quality, Signals
+from sma_actuator.base.tables import places_below, row_of, values_of
 
 from .models import StrainModel, ThermalStrainModel
 
 #: Motion, as a share of the working range, after which a third is left of what was not known at the beginning.
 FORGOTTEN_SHARE = 0.15
+#: What is remembered: how much of the loop's width is not known, and the displacement of the sample before, NaN after a
+#: gap.
+_SHARE, _BEFORE_m = range(2)
 
 
 class Uncertainty:
@@ -35,56 +38,85 @@ class Uncertainty:
         self._model = None if isinstance(model, ThermalStrainModel) else model
         low_m, high_m = model.displacement_range_m
         self._forgotten_m = FORGOTTEN_SHARE * (high_m - low_m)
-        self._unknown_share = 1.0  #: of the loop's width
-        self._before_m = nan  #: the displacement of the sample before, NaN after a gap
-        self._position_m = tuple(left.residual_position)
-        stresses = len(left.residual_stress)
+        self._state = floats(2)
+        self._state[:] = 1.0, nan
+        stresses, places_m = len(left.residual_stress), left.residual_position
         #: From one stress on, the next is nearer.
-        self._between_Pa = [0.5 * (low + high) for low, high in pairwise(left.residual_stress)]
-        self._tables_m = (
-            {
-                Branch.HEATING: (
-                    np.reshape(left.residual_heating, (stresses, -1)).tolist(),
-                    tuple(left.scatter_heating),
-                ),
-                Branch.COOLING: (
-                    np.reshape(left.residual_cooling, (stresses, -1)).tolist(),
-                    tuple(left.scatter_cooling),
-                ),
-            }
-            if len(self._position_m)
-            else {}
+        self._between_Pa = floats(max(stresses - 1, 0))
+        self._between_Pa[:] = [0.5 * (low + high) for low, high in pairwise(left.residual_stress)]
+        #: Of the cooling branch (:class:`Branch`), then of the heating one: what is left, stress after stress, and the
+        #: scatter.
+        self._tables = row_of(
+            *(
+                (places_m, values_m)
+                for residual_m, scatter_m in (
+                    (left.residual_cooling, left.scatter_cooling),
+                    (left.residual_heating, left.scatter_heating),
+                )
+                for values_m in (*np.reshape(residual_m, (stresses, -1)).tolist(), scatter_m)
+            )
+            if places_m
+            else ()
         )
 
     def step(self, signals: Signals, estimate: Estimate) -> float:
         """Half of the 95 % interval of one sample [m]; NaN where nothing is known."""
         if estimate.quality is Quality.INVALID:
-            self._before_m = nan
+            self._state[_BEFORE_m] = nan
             return nan
-        if self._model is None or not self._tables_m:
+        if self._model is None or not len(self._tables):
             return estimate.uncertainty_m + self._since_then_m
-        position_m = estimate.displacement_m
-        if isfinite(self._before_m):
-            self._unknown_share *= exp(-abs(position_m - self._before_m) / self._forgotten_m)
-        else:
-            self._unknown_share = 1.0
-        self._before_m = position_m
         heating_m, cooling_m = self._model.limits_m(signals.resistance_Ohm, signals.stress_Pa)
-        width_m = max(abs(position_m - heating_m), abs(position_m - cooling_m))
-        usual_m = hypot(self._of_calibration(estimate, signals.stress_Pa), self._unknown_share * width_m)
+        usual_m = hypot(
+            *_parts_m(
+                self._state,
+                self._tables,
+                self._between_Pa,
+                estimate.displacement_m,
+                signals.stress_Pa,
+                int(estimate.branch),
+                heating_m,
+                cooling_m,
+                self._forgotten_m,
+            )
+        )
         return usual_m + self._since_then_m
 
-    def _of_calibration(self, estimate: Estimate, stress_Pa: float) -> float:
-        residual_m, scatter_m = self._tables_m[estimate.branch]
-        position_m = estimate.displacement_m
-        mean_m = abs(_interpolated(position_m, self._position_m, residual_m[bisect_left(self._between_Pa, stress_Pa)]))
-        return mean_m + 2.0 * _interpolated(position_m, self._position_m, scatter_m)
+
+@jit
+def _parts_m(
+    state: Floats,
+    tables: Floats,
+    between_Pa: Floats,
+    position_m: float,
+    stress_Pa: float,
+    branch: int,
+    heating_m: float,
+    cooling_m: float,
+    forgotten_m: float,
+) -> tuple[float, float]:
+    """What the model leaves at a position, and what is not known of where on its loop the wire is, whose branches are
+    at ``heating_m`` and ``cooling_m``."""
+    if isfinite(state[_BEFORE_m]):
+        state[_SHARE] *= exp(-abs(position_m - state[_BEFORE_m]) / forgotten_m)
+    else:
+        state[_SHARE] = 1.0
+    state[_BEFORE_m] = position_m
+    width_m = max(abs(position_m - heating_m), abs(position_m - cooling_m))
+    stresses = len(between_Pa) + 1
+    first, nearest = branch * (stresses + 1), 0
+    while nearest < stresses - 1 and between_Pa[nearest] < stress_Pa:
+        nearest += 1
+    mean_m = abs(_left_m(tables, first + nearest, position_m))
+    return mean_m + 2.0 * _left_m(tables, first + stresses, position_m), state[_SHARE] * width_m
 
 
-def _interpolated(x: float, known: Sequence[float], values: Sequence[float]) -> float:
-    """Between the known places linear, beyond them as at the last; for one float faster than numpy's."""
-    right = bisect_right(known, x)
-    if right == 0 or right == len(known):
-        return values[max(right - 1, 0)]
-    share = (x - known[right - 1]) / (known[right] - known[right - 1])
-    return values[right - 1] + share * (values[right] - values[right - 1])
+@jit
+def _left_m(tables: Floats, table: int, position_m: float) -> float:
+    """Between the known places linear, beyond them as at the last."""
+    values, count = values_of(tables, table)
+    right, place = places_below(tables, table, position_m), values - count
+    if right == 0 or right == count:
+        return tables[values + max(right - 1, 0)]
+    share = (position_m - tables[place + right - 1]) / (tables[place + right] - tables[place + right - 1])
+    return tables[values + right - 1] + share * (tables[values + right] - tables[values + right - 1])

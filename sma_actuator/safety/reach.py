@@ -16,6 +16,9 @@ from math import expm1, inf, isfinite, nan
 from typing import NamedTuple
 
 from sma_actuator.base.balance import Balance, gains
+from sma_actuator.base.calibration import Calibration
+from sma_actuator.base.jit import Floats, jit
+from sma_actuator.base.tables import looked_up, row_of
 
 #: Time without motion that counts, and the same in the wire's thermal time constants: the longer of the two.
 PATIENCE_s, PATIENCE_TIMES = 0.8, 0.3
@@ -43,6 +46,36 @@ class Needed(NamedTuple):
     there_W: float  #: would hold it at the temperature that a heating wire has there
     beyond_W: float  #: and so much more would hold it :data:`BEYOND_K` hotter
     latent_W: float  #: the same for the rise that the latent heat of the whole stroke would make
+
+
+class Places:
+    """Where in its stroke a wire is, and how hot a heating one is there, by its calibration."""
+
+    def __init__(self, calibration: Calibration):
+        self._row: Floats | None = None  #: it does not say
+        if calibration.transformation_known:
+            hot_end, rest, power = calibration.hot_end, calibration.rest, calibration.power
+            self._latent_K, self._shift_K_Pa = power.latent_rise, power.transformation_shift[1]
+            self._row = row_of(
+                (hot_end.contracted_stress, hot_end.contracted_displacement),
+                (rest.cold_stress, rest.cold_displacement),
+                power.heating,
+            )
+
+    def needed(self, position_m: float, stress_Pa: float, ambient_C: float, loss_W_K: float) -> Needed | None:
+        """What heat the wire takes to be at a position; None where the calibration does not say."""
+        if self._row is None:
+            return None
+        share, heating_C = _share_and_heating_C(self._row, position_m, stress_Pa, self._shift_K_Pa)
+        return Needed(share, loss_W_K * (heating_C - ambient_C), loss_W_K * BEYOND_K, loss_W_K * self._latent_K)
+
+
+@jit
+def _share_and_heating_C(row: Floats, position_m: float, stress_Pa: float, shift_K_Pa: float) -> tuple[float, float]:
+    """Share of the stroke at a stress, and the temperature of a heating wire there."""
+    hot_m, cold_m = looked_up(row, 0, stress_Pa), looked_up(row, 1, stress_Pa)
+    share = (position_m - hot_m) / (cold_m - hot_m)
+    return share, looked_up(row, 2, share) + shift_K_Pa * stress_Pa
 
 
 class Reach:

@@ -18,7 +18,7 @@ from .guards.readings import are_inside
 from .limits import ANSWER_LATE, STRESS_NEAR_LIMIT, TEMPERATURE_DERATING
 from .parameters import SafetySections
 from .records import Action, Fault, Guard, Limit, Memory, Step
-from .thermal import WireHeat, derated_limit_A, most_contracted_Ohm, transforms_at_C
+from .thermal import Transforms, WireHeat, derated_limit_A, most_contracted_Ohm
 from .timing import SETTLING_READINGS, SETTLING_TIME_s
 
 _OFF = Command(0.0, False)
@@ -43,6 +43,7 @@ class Supervisor:
         """Take over live parameters; the memory stays."""
         self.config = config
         self._contracted_Ohm = most_contracted_Ohm(config.calibration.hot_end, config.thermal)
+        self._transforms = Transforms(config.calibration, config.thermal)
         #: How long what flows may flow on before anybody looks; for ever, without a watchdog.
         self._unwatched_s = max(config.supply.watchdog_timeout or inf, config.safety.reading_timeout) + 1.0 / (
             config.loop.rate
@@ -91,9 +92,7 @@ class Supervisor:
         if power_W > 0.0 and current_A > 0.0:
             self._resistance_Ohm = power_W / current_A**2
         thermal, wire_W = self.config.thermal, current_A**2 * resistance_Ohm
-        transforms_C = transforms_at_C(
-            self.config.calibration, thermal, resistance_Ohm, load_N / self.config.wire.area_m2
-        )
+        transforms_C = self._transforms.at_C(resistance_Ohm, load_N / self.config.wire.area_m2)
         self.heat.step(
             power_W, dt_s, ambient_C, thermal, resistance_Ohm, load_N, self._contracted_Ohm, wire_W, transforms_C
         )

@@ -9,7 +9,7 @@ second.
 The wire is a thermometer beside it, which knows nothing of heat loss (:func:`hottest_C`).  What it says bounds both
 balances from above: else a limit that provides for any heat loss would not let a wire contract, and one that loses more
 than the parameters say would be held for a hot one.  A second thermometer reads the same resistance by what was
-identified of this very wire: at which temperature it has transformed so far (:func:`transforms_at_C`).
+identified of this very wire: at which temperature it has transformed so far (:class:`Transforms`).
 
 What a step makes of all this lies in rows of numbers, so that one kernel does it.
 
@@ -23,9 +23,10 @@ from __future__ import annotations
 import math
 from math import exp, expm1, inf, isfinite, nan
 
-from sma_actuator.base.calibration import Calibration, HotEndSection, interpolated
+from sma_actuator.base.calibration import Calibration, HotEndSection
 from sma_actuator.base.jit import Floats, floats, jit
 from sma_actuator.base.sections import ThermalParameters
+from sma_actuator.base.tables import looked_up, row_of
 
 #: The hottest that a wire may be is aimed at with this distance, for noise and a resistance that rises.
 HEADROOM_K = 5.0
@@ -203,23 +204,38 @@ def returns_at_C(calibration: Calibration, parameters: ThermalParameters, stress
     return then_C + calibration.hot_end.cooling_rise_K(stress_Pa)
 
 
-def transforms_at_C(
-    calibration: Calibration, parameters: ThermalParameters, resistance_Ohm: float, stress_Pa: float
-) -> float:
-    """The highest temperature at which this wire, heated, has transformed as far as its resistance says; ∞ where nobody
-    knows."""
-    hot_end, rest = calibration.hot_end, calibration.rest
-    if not (calibration.transformation_known and hot_end.contracted_resistance and rest.cold_resistance):
-        return math.inf
-    hot_Ohm = interpolated(stress_Pa, hot_end.contracted_stress, hot_end.contracted_resistance)
-    cold_Ohm = interpolated(stress_Pa, rest.cold_stress, rest.cold_resistance)
+class Transforms:
+    """The highest temperature at which this wire, heated, has transformed as far as its resistance says."""
+
+    def __init__(self, calibration: Calibration, parameters: ThermalParameters):
+        hot_end, rest, power = calibration.hot_end, calibration.rest, calibration.power
+        self._then_C = calibration.usual_ambient_C(parameters.ambient_temperature)
+        self._row: Floats | None = None  #: nobody knows
+        if calibration.transformation_known and hot_end.contracted_resistance and rest.cold_resistance:
+            self._shift_K_Pa = power.transformation_shift[1]
+            self._row = row_of(
+                (hot_end.contracted_stress, hot_end.contracted_resistance),
+                (rest.cold_stress, rest.cold_resistance),
+                power.heating,
+            )
+
+    def at_C(self, resistance_Ohm: float, stress_Pa: float) -> float:
+        """That temperature [°C] at a stress; ∞ where nobody knows."""
+        if self._row is None:
+            return math.inf
+        return _transforms_at_C(self._row, resistance_Ohm, stress_Pa, self._shift_K_Pa, self._then_C)
+
+
+@jit
+def _transforms_at_C(row: Floats, resistance_Ohm: float, stress_Pa: float, shift_K_Pa: float, then_C: float) -> float:
+    """See :meth:`Transforms.at_C`."""
+    hot_Ohm, cold_Ohm = looked_up(row, 0, stress_Pa), looked_up(row, 1, stress_Pa)
     if not hot_Ohm < cold_Ohm:
-        return math.inf
+        return inf
     share = (resistance_Ohm - hot_Ohm) / (cold_Ohm - hot_Ohm)
-    by_balance_C = calibration.power.heating_C(min(max(share, 0.0), 1.0), stress_Pa)
-    then_C = calibration.usual_ambient_C(parameters.ambient_temperature)
+    by_balance_C = looked_up(row, 2, min(max(share, 0.0), 1.0)) + shift_K_Pa * stress_Pa
     highest_C = then_C + CAPACITY_WITHIN * (by_balance_C - then_C)
-    return highest_C if math.isfinite(highest_C) else math.inf
+    return highest_C if isfinite(highest_C) else inf
 
 
 #: What of shown loss is remembered: time, heat that flowed and rise by time, all in all; when the last stretch began;
@@ -342,7 +358,7 @@ class WireHeat:
 
         ``contracted_Ohm``: the most that the wire shows once it has contracted (:func:`most_contracted_Ohm`);
         ``wire_W``: the power without that in its leads; ``transforms_C``: what this wire is known to have at that
-        resistance at the most (:func:`transforms_at_C`).
+        resistance at the most (:class:`Transforms`).
         """
         self.temperature_C, self.at_most_C, self.guessed_K, self.cools, self._least_loss_W_K = _heat_step(
             self._state,

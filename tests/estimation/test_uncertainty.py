@@ -9,10 +9,11 @@ import pytest
 from sma_actuator.base.calibration import IntervalSection, TrainingSection
 from sma_actuator.base.share import shared_file
 from sma_actuator.base.signals import Mode, Quality
+from sma_actuator.base.tables import row_of
 from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock, Weight
 from sma_actuator.config import Config
 from sma_actuator.driver import Driver
-from sma_actuator.estimation.uncertainty import Uncertainty, _interpolated
+from sma_actuator.estimation.uncertainty import Uncertainty, _left_m
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +78,7 @@ def test_without_a_calibration_nothing_is_said(make_rig):
 def test_one_sample_is_interpolated_as_numpy_does(places):
     values = [(7.0 * place) ** 2 for place in places]
     for x in (0.0, 1e-3, 1.2e-3, 1.5e-3, 3.999e-3, 4e-3, 5e-3):
-        assert _interpolated(x, places, values) == pytest.approx(np.interp(x, places, values), rel=1e-12)
+        assert _left_m(row_of((places, values)), 0, x) == pytest.approx(np.interp(x, places, values), rel=1e-12)
 
 
 @pytest.mark.parametrize("interval_of_its_own", [True, False])

@@ -20,13 +20,13 @@ from sma_actuator.safety.thermal import (
     AMBIENT_FALL_K_s,
     HeatBalance,
     LONG_AGO_s,
+    Transforms,
     WireHeat,
     begin_thermometer,
     derated_limit_A,
     hottest_C,
     most_contracted_Ohm,
     shown_loss_W_K,
-    transforms_at_C,
 )
 
 
@@ -403,23 +403,23 @@ class TestTransformsAt:
     def test_it_is_the_heating_wire_s_temperature_and_what_the_heat_capacity_may_be_off(
         self, parameters, calibration, resistance_Ohm, by_balance_C
     ):
-        found_C = transforms_at_C(calibration, parameters, resistance_Ohm, 1e8)
+        found_C = Transforms(calibration, parameters).at_C(resistance_Ohm, 1e8)
         assert found_C == pytest.approx(20.0 + CAPACITY_WITHIN * (by_balance_C - 20.0))
 
     def test_without_the_surroundings_of_then_those_of_the_parameters_are_taken(self, parameters, calibration):
-        found_C = transforms_at_C(replace(calibration, ambient_temperature=math.nan), parameters, 4.0, 1e8)
+        found_C = Transforms(replace(calibration, ambient_temperature=math.nan), parameters).at_C(4.0, 1e8)
         assert found_C == pytest.approx(24.0 + CAPACITY_WITHIN * 66.0)
 
     @pytest.mark.parametrize("resistance_Ohm", [math.nan])
     def test_without_a_resistance_nobody_knows(self, parameters, calibration, resistance_Ohm):
-        assert transforms_at_C(calibration, parameters, resistance_Ohm, 1e8) == math.inf
+        assert Transforms(calibration, parameters).at_C(resistance_Ohm, 1e8) == math.inf
 
     def test_nor_without_a_calibration_or_with_one_whose_resistance_tells_nothing(self, parameters, calibration):
-        assert transforms_at_C(Calibration(), parameters, 4.5, 1e8) == math.inf
+        assert Transforms(Calibration(), parameters).at_C(4.5, 1e8) == math.inf
         half = replace(calibration, hot_end=replace(calibration.hot_end, contracted_resistance=()))
-        assert transforms_at_C(half, parameters, 4.5, 1e8) == math.inf
+        assert Transforms(half, parameters).at_C(4.5, 1e8) == math.inf
         flat = replace(calibration, rest=replace(calibration.rest, cold_resistance=(4.0,)))
-        assert transforms_at_C(flat, parameters, 4.0, 1e8) == math.inf
+        assert Transforms(flat, parameters).at_C(4.0, 1e8) == math.inf
 
 
 def test_a_wire_that_shows_what_it_loses_is_left_more_power_and_no_more_than_is_safe(parameters):

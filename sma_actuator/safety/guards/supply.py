@@ -123,10 +123,12 @@ def supply_lost(step: Step) -> str:
 def _disagrees(step: Step, name: str, differs: bool, however_late: bool) -> float | None:
     """For how long supply and DAQ have differed [s], the latter also however late it may be; None where that has not
     lasted."""
-    memory, lasts_at_least_s = step.memory, step.config.safety.disagreement_time
-    late_s = max(LAG_s, LAG_READINGS / step.config.loop.rate)
+    memory, however = step.memory, f"{name}, however late"
     lasts_s = memory.lasts_s(name, differs, step.now_s)
-    unlike_s = memory.lasts_s(f"{name}, however late", differs and however_late, step.now_s)
+    unlike_s = memory.lasts_s(however, however_late, step.now_s)
+    if not differs:
+        return None
+    lasts_at_least_s, late_s = step.config.safety.disagreement_time, max(LAG_s, LAG_READINGS / step.config.loop.rate)
     return lasts_s if lasts_s >= lasts_at_least_s and unlike_s >= lasts_at_least_s - late_s else None
 
 

@@ -145,8 +145,9 @@ def heat_loss_wrong(step: Step) -> str:
     )
     # A wire transforms at a temperature, not at a rise: in a warm room it may stay contracted by itself.
     ambient_C = heat.ambient.temperature_C
-    returns_K = returns_at_C(calibration, thermal, step.signals.stress_Pa) - ambient_C
-    still_hot = contracted and heat.temperature_C - ambient_C < LEAST_RISE * returns_K
+    still_hot = contracted and heat.temperature_C - ambient_C < LEAST_RISE * (
+        returns_at_C(calibration, thermal, step.signals.stress_Pa) - ambient_C
+    )
     lasts_s = step.memory.lasts_s("heat_loss_wrong", still_hot, step.now_s)
     if not lasts_s >= COOLING_TIMES * thermal.heat_capacity / thermal.heat_loss:
         return ""
