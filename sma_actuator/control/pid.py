@@ -204,4 +204,4 @@ class LandingPid(PidController):
             limit_A = max(min(limit_A, self._landing.limit_A(position_m, setpoint_m, dt_s)), self.bias_A)
             if self._landing.landed:  # what held it before is of no use there
                 self.integral_A = max(self._landing.holds_A, self.bias_A)
-        return super().step(position_m, setpoint_m, dt_s, limit_A)
+        return PidController.step(self, position_m, setpoint_m, dt_s, limit_A)  # super() is looked up anew each time

@@ -207,11 +207,8 @@ class ModelHealth:
         self._bound_Ohm = float(
             max(STROKE_SHARE * config.wire.full_stroke_m / self._m_per_Ohm, SCATTERS * rest.resistance_scatter)
         )
-
-    @property
-    def known(self) -> bool:
-        """Whether the calibration says what a resting wire shows."""
-        return isfinite(self._m_per_Ohm) and isfinite(self._bound_Ohm)
+        #: Whether the calibration says what a resting wire shows.
+        self.known = isfinite(self._m_per_Ohm) and isfinite(self._bound_Ohm)
 
     # --- a sample ----------------------------------------------------------------------------------
 

@@ -285,8 +285,10 @@ class Apart:
         now_s: float,
         current: float,
         daq: float,
-        one: tuple[float, float],
-        other: tuple[float, float],
+        one: float,
+        from_one: float,
+        other: float,
+        from_other: float,
         share: float,
         is_new: bool = True,
         digit: float = 0.0,
@@ -294,10 +296,13 @@ class Apart:
         """What the DAQ's difference from the supply has changed by at such a ``current`` (NaN: what is measured is
         one), and what it may; NaN until that is known.
 
-        ``one`` and ``other`` are a number of which one is late, and what it is taken from to make the difference;
-        ``share`` of what is measured may be a drift.  One that is not ``is_new`` is shown again, in steps of ``digit``.
+        ``one`` and ``other`` are two numbers of which one is late, each followed by what it is taken from to make the
+        difference; ``share`` of what is measured may be a drift.  One that is not ``is_new`` is shown again, in steps
+        of ``digit``.
         """
-        self._make_room()
+        if not self._left:
+            self._make_room()
+        self._left -= 1
         return _apart(
             self._rows,
             self._state,
@@ -306,24 +311,24 @@ class Apart:
             now_s,
             current,
             daq,
-            *one,
-            *other,
+            one,
+            from_one,
+            other,
+            from_other,
             is_new,
             digit,
             share,
         )
 
     def _make_room(self) -> None:
-        """For another row."""
-        if not self._left:
-            first = int(self._state[_FIRST[-1]])
-            wanted = self._rows[_ROW * first : _ROW * int(self._state[_ROWS])]
-            self._rows = floats(max(len(self._rows), 2 * len(wanted)))
-            self._rows[: len(wanted)] = wanted
-            self._left = (len(self._rows) - len(wanted)) // _ROW
-            for k in (_ROWS, *_FIRST):
-                self._state[k] -= first
-        self._left -= 1
+        """For more rows."""
+        first = int(self._state[_FIRST[-1]])
+        wanted = self._rows[_ROW * first : _ROW * int(self._state[_ROWS])]
+        self._rows = floats(max(len(self._rows), 2 * len(wanted)))
+        self._rows[: len(wanted)] = wanted
+        self._left = (len(self._rows) - len(wanted)) // _ROW
+        for k in (_ROWS, *_FIRST):
+            self._state[k] -= first
 
 
 class CurrentsApart(Apart):
@@ -338,7 +343,7 @@ class CurrentsApart(Apart):
 
         NaN until that is known.  ``share`` of the current may be a drift.
         """
-        return self._step(now_s, nan, daq_A, (from_A, daq_A), (to_A, daq_A), share)
+        return self._step(now_s, nan, daq_A, from_A, daq_A, to_A, daq_A, share)
 
 
 class VoltagesApart(Apart):
@@ -357,4 +362,4 @@ class VoltagesApart(Apart):
         if is_new and isfinite(self._latest_V):
             self._digit_V = min(self._digit_V, abs(supply_V - self._latest_V))
         self._latest_V = supply_V
-        return self._step(now_s, current_A, daq_V, (-daq_V, -supply_V), (supply_V, daq_V), share, is_new, self._digit_V)
+        return self._step(now_s, current_A, daq_V, -daq_V, -supply_V, supply_V, daq_V, share, is_new, self._digit_V)

@@ -137,14 +137,17 @@ class Reach:
         """Keep the heat balance; whether the wire is hotter than a heating one is where it seems to be."""
         dt_s = max(now_s - self._now_s, 0.0) if isfinite(self._now_s) else 0.0
         self._now_s = now_s
-        wire_W, near_W = gains(self._held_W, self._near_W, power_W, dt_s, *self._balance)
-        self._held_W += wire_W
-        self._near_W += near_W
+        self._held_W, self._near_W, self._slow_share = _kept(
+            self._held_W,
+            self._near_W,
+            self._slow_share,
+            power_W,
+            dt_s,
+            *self._balance,
+            heat.share if heat is not None else nan,
+        )
         if heat is None or not isfinite(heat.share):
             return False
-        if not isfinite(self._slow_share):
-            self._slow_share = heat.share
-        self._slow_share -= expm1(-dt_s / self._time_constant_s) * (heat.share - self._slow_share)
         # What has transformed of late took latent heat, which the balance leaves out.
         return self._held_W + heat.latent_W * (heat.share - self._slow_share) > heat.there_W + heat.beyond_W
 
@@ -166,3 +169,25 @@ class Reach:
             self.forget()
         elif stood_s >= self._again_s:
             self.floor_m = -inf
+
+
+@jit
+def _kept(
+    held_W: float,
+    near_W: float,
+    slow_share: float,
+    power_W: float,
+    dt_s: float,
+    time_constant_s: float,
+    near_share: float,
+    near_s: float,
+    share: float,
+) -> tuple[float, float, float]:
+    """What would hold the wire and its near surroundings as warm as they are after a step, and the share of its stroke
+    through the same lag; NaN where it is at none."""
+    wire_W, around_W = gains(held_W, near_W, power_W, dt_s, time_constant_s, near_share, near_s)
+    if isfinite(share):
+        if not isfinite(slow_share):
+            slow_share = share
+        slow_share -= expm1(-dt_s / time_constant_s) * (share - slow_share)
+    return held_W + wire_W, near_W + around_W, slow_share

@@ -147,6 +147,26 @@ def advance(
 
 
 @jit
+def _advanced(
+    resistance: float,
+    stress: float,
+    heating: bool,
+    state: np.ndarray,
+    a_h: np.ndarray,
+    b_h: np.ndarray,
+    a_c: np.ndarray,
+    b_c: np.ndarray,
+    a_0: float,
+    tau: float,
+    slack: float,
+) -> float:
+    """The same of one sample; ``state`` = [previous resistance, displacement] is carried on."""
+    state[1] = advance(resistance, stress, heating, state[0], state[1], a_h, b_h, a_c, b_c, a_0, tau, slack)
+    state[0] = resistance
+    return state[1]
+
+
+@jit
 def _limits(
     resistance: float, stress: float, a_h: np.ndarray, b_h: np.ndarray, a_c: np.ndarray, b_c: np.ndarray
 ) -> tuple[float, float]:
@@ -213,10 +233,7 @@ class FlexinolModel:
 
     def step(self, resistance_Ohm: float, stress_Pa: float, heating: bool) -> float:
         """Advance by one sample; return δ [m]."""
-        state = self._state
-        state[1] = advance(resistance_Ohm, stress_Pa, heating, state[0], state[1], *self._coefficients)
-        state[0] = resistance_Ohm
-        return float(state[1])
+        return float(_advanced(resistance_Ohm, stress_Pa, heating, self._state, *self._coefficients))
 
     def run(self, resistance_Ohm: np.ndarray, stress_Pa: np.ndarray, heating: np.ndarray) -> np.ndarray:
         """Advance by n samples, arrays of shape (n,); return δ [m], shape (n,)."""
