@@ -13,6 +13,8 @@ from sma_actuator.estimation.chain import Chain
 from sma_actuator.estimation.effects import EFFECTS
 from sma_actuator.identify import identify
 
+YIELDS_m_per_N = 1e-4
+
 
 @pytest.fixture(scope="module")
 def foreign(tmp_path_factory):
@@ -33,6 +35,7 @@ def identified(folder, bench, out, *more):
     return code, json.loads(out.with_suffix(".json").read_text())
 
 
+@pytest.mark.long  # below, the same of logs that are made up, without the command
 def test_what_helps_other_logs_is_added_said_and_part_of_the_calibration(foreign, tmp_path, capsys):
     bench = foreign / "bench.yaml"
     code, found = identified(foreign, bench, tmp_path / "with.yaml")
@@ -51,19 +54,37 @@ def test_what_helps_other_logs_is_added_said_and_part_of_the_calibration(foreign
     assert config.calibration.error < without.calibration.error, "the calibration is that of the extended model"
 
 
-def test_an_effect_that_only_follows_noise_stays_out(flexinol):
-    result = identify(flexinol.only("pulses", "partial"), flexinol.mapping, "flexinol", order=2)
+@pytest.fixture(scope="module")
+def fitted(flexinol):
+    return identify(flexinol.only("pulses", "partial"), flexinol.mapping, "flexinol", order=2)
+
+
+def measured_by(fitted, config):
+    """``fitted`` with logs that say what ``config`` estimates, but for noise."""
     noise = np.random.default_rng(3)
     experiments = []
-    for one in result.experiments:  # measured as the model says, but for noise
+    for one in fitted.experiments:
         columns = {name: values for name, values in one.log.columns.items() if name != "lvdt_current_A"}
-        estimate_m = Chain(result.config).run(one.signals).displacement_m
+        estimate_m = Chain(config).run(one.signals).displacement_m
         columns["displacement_m"] = estimate_m + 20e-6 * noise.standard_normal(len(estimate_m))
         experiments.append(dataclasses.replace(one, log=dataclasses.replace(one.log, columns=columns)))
-    extended = extend(dataclasses.replace(result, experiments=tuple(experiments)), jobs=1)
+    return dataclasses.replace(fitted, experiments=tuple(experiments))
+
+
+def test_an_effect_that_only_follows_noise_stays_out(fitted):
+    extended = extend(measured_by(fitted, fitted.config), jobs=1)
     assert extended.added == ()
-    assert extended.result.mapping == result.mapping
+    assert extended.result.mapping == fitted.mapping
     assert extended.sentences
+
+
+def test_one_that_the_wire_has_and_the_model_lacks_is_added(fitted):
+    has = {"effects.order": ["elastic_compliance"], "effects.elastic_compliance.compliance": YIELDS_m_per_N}
+    extended = extend(measured_by(fitted, fitted.config.replace(has)), jobs=1)
+    assert extended.added == ("elastic_compliance",)
+    assert extended.after_percent < 0.8 * extended.before_percent
+    found = extended.result.config.effects.active["elastic_compliance"]
+    assert found.compliance == pytest.approx(YIELDS_m_per_N, rel=0.05)
 
 
 def test_what_calibration_logs_cannot_tell_is_never_added():
