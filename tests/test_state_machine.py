@@ -329,7 +329,8 @@ class AnyUse(RuleBasedStateMachine):
         assert status.fault == "" or status.fault in FAULTS
 
 
-def test_no_use_whatsoever_commands_what_it_must_not(make_config):
+@pytest.mark.parametrize("examples", [100, pytest.param(250, marks=pytest.mark.long)])
+def test_no_use_whatsoever_commands_what_it_must_not(make_config, examples):
     """Nor does it prove nothing: a driven wire is among the uses."""
     tracked = []
 
@@ -341,7 +342,7 @@ def test_no_use_whatsoever_commands_what_it_must_not(make_config):
 
     Looking.base = make_config(calibration=CALIBRATION)
     Looking.TestCase.settings = settings(
-        max_examples=250,
+        max_examples=examples,
         stateful_step_count=40,
         deadline=None,
         suppress_health_check=list(HealthCheck),

@@ -145,7 +145,13 @@ def test_no_answer_of_a_bench_reaches_a_kernel_that_was_not_run_before_the_ports
     assert PLAIN not in done.stderr
 
 
-@pytest.mark.parametrize("model", ["flexinol", "furukawa", "flexinol_normalised", "furukawa_normalised"])
+@pytest.mark.parametrize(
+    "model",
+    [
+        *("flexinol", "furukawa"),
+        *(pytest.param(f"{wire}_normalised", marks=pytest.mark.long) for wire in ("flexinol", "furukawa")),
+    ],
+)
 def test_no_step_of_a_loop_reaches_a_kernel_that_was_not_run_before_it_began(model):
     from sma_actuator.base.jit import PLAIN
 

@@ -129,6 +129,7 @@ def test_every_text_of_the_parameters_is_one_line_that_somebody_may_read(make_co
         Config.from_mapping(make_config(**{name: value}))
 
 
+@pytest.mark.long
 def test_a_file_of_the_longest_length_is_read_within_seconds():
     began_s = time.process_time()
     assert len(parse_yaml("".join(f"k{i}: 1\n" for i in range(LONGEST_TEXT // 10)), "x")) == LONGEST_TEXT // 10

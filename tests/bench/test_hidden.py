@@ -106,6 +106,8 @@ def plain(load="weight", seed=0):
     return drive(VirtualBench.from_name("flexinol", seed=seed, load=LOADS[load]))
 
 
+#: Of others' kinetics, and of all that differs at once.
+QUICK = ("lagoudas", "foreign")
 LOADS = {
     "weight": Weight(0.98),
     "spring": Spring(300.0, 0.5),
@@ -174,7 +176,10 @@ def shown_m(world, *effect):
     return displacement_m(np.array(rows))
 
 
-@pytest.mark.parametrize("physics", [name for name in WORLDS if name != HOME])
+@pytest.mark.parametrize(
+    "physics",
+    [name if name in QUICK else pytest.param(name, marks=pytest.mark.long) for name in WORLDS if name != HOME],
+)
 @pytest.mark.parametrize("name", [n for n in TWINS if TWINS[n].where == "wire"])
 def test_an_effect_in_the_wire_works_in_every_physics(name, physics):
     """It moves what the displacement sensor shows about as much as at home, with pulses that contract the wire alike.

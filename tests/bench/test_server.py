@@ -184,7 +184,9 @@ def test_a_machine_that_sleeps_delays_the_bench_and_does_not_freeze_it():
     assert bench.time_s == pytest.approx(lag_from_s + 0.1, abs=2e-3)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda s: s.name)
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.long)], ids=lambda s: s.name
+)
 def test_the_command_serves_many_benches_and_ends_clean(tmp_path, number):
     ports_file = tmp_path / "ports.json"
     command = [

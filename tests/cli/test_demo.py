@@ -115,7 +115,11 @@ def test_it_ends_by_itself_with_the_three_errors_and_the_output_off(demo, tmp_pa
     assert errors["model_error_pct_stroke"] < 5.0
 
 
-@pytest.mark.parametrize("program", [("-m", "sma_actuator"), ("-c", _SWALLOWING)], ids=["as it is", "swallowed"])
+@pytest.mark.parametrize(
+    "program",
+    [("-m", "sma_actuator"), pytest.param(("-c", _SWALLOWING), marks=pytest.mark.long)],
+    ids=["as it is", "swallowed"],
+)
 def test_ctrl_c_leaves_nothing_running_and_the_output_off(demo, program):
     started = demo("--duration", "0", program=program)
     running = started.wait_for(lambda: len(pids := children(started.process.pid)) == 2 and pids)  # bench and node

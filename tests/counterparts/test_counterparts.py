@@ -86,7 +86,11 @@ COUNTERPARTS = {
 }
 
 
-@pytest.fixture(scope="module", params=COUNTERPARTS)
+# That over a serial line only where all are (`make counterparts`): the line of the boards is one too.
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param(name, marks=pytest.mark.long) if of.serial else name for name, of in COUNTERPARTS.items()],
+)
 def running(request):
     """An emulator for all tests; each leaves it switched off."""
     name = COUNTERPARTS[request.param].emulator or request.param

@@ -37,7 +37,7 @@ def both_workers(mark):
 @pytest.mark.parametrize(
     "number",
     # What a command makes of each of them, tests/base/test_interrupts.py looks at.
-    [signal.SIGTERM, pytest.param(signal.SIGHUP, marks=pytest.mark.long), signal.SIGINT],
+    [*(pytest.param(each, marks=pytest.mark.long) for each in (signal.SIGTERM, signal.SIGHUP)), signal.SIGINT],
     ids=lambda n: n.name,
 )
 def test_a_trace_that_is_ended_takes_its_workers_with_it_in_good_order(number, flexinol, tmp_path):

@@ -457,6 +457,7 @@ def test_an_output_that_is_not_confirmed_to_be_off_at_the_end_is_said():
         raise KeyboardInterrupt
 
 
+@pytest.mark.long  # test_characterise_prompts.py sees the command measure over sockets
 def test_the_same_characterisation_over_tcp(tmp_path):
     """In a physics whose cold wire stands still as soon as it is loaded, so that a fifth of a second measures its
     place.

@@ -94,7 +94,8 @@ class Person:
         return code
 
 
-@pytest.mark.parametrize("terminal", [True, False], ids=["terminal", "pipe"])
+# A pipe is read by the tests below as well, whose input is closed.
+@pytest.mark.parametrize("terminal", [True, pytest.param(False, marks=pytest.mark.long)], ids=["terminal", "pipe"])
 def test_every_question_can_be_read_and_says_what_hangs_there(bench, tmp_path, terminal):
     person = Person(words(bench, tmp_path / "out"), terminal)
     hands = bench[1]
@@ -134,7 +135,11 @@ def test_without_a_displacement_sensor_nobody_is_asked_anything(bench, tmp_path)
 
 @pytest.mark.parametrize(
     ("fault", "sentence"),
-    [("channel_reversed,102", "the taps of the sense resistor are swapped"), ("open_wire", "the circuit is open")],
+    [
+        # What the test finds of a wiring: tests/check/test_selftest.py.
+        pytest.param("channel_reversed,102", "the taps of the sense resistor are swapped", marks=pytest.mark.long),
+        ("open_wire", "the circuit is open"),
+    ],
     ids=["a tap that is swapped", "no wire"],
 )
 def test_nothing_is_heated_where_the_wiring_is_not_what_the_file_says(bench, tmp_path, fault, sentence):

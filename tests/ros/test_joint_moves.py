@@ -70,6 +70,7 @@ def test_setpoints_and_trajectories_move_it_and_their_end_is_no_step(joint, clie
         assert max(abs(b - a) for a, b in pairwise(setpoints_m)) < 1.5e-4
 
 
+@pytest.mark.long  # of one wire: test_joint_command.py
 def test_ros2_control_moves_it_and_its_death_is_seen(joint, client):
     bench, messages = joint
     plugin = PluginDouble(xacro.process_file(URDF).toxml())

@@ -246,7 +246,8 @@ class TestServices:
 
 
 class TestBadMessages:
-    @pytest.mark.parametrize("position_m", [math.nan, math.inf])
+    # Of infinities and other numbers: test_odd_messages.py, and tests/test_state_machine.py of any.
+    @pytest.mark.parametrize("position_m", [math.nan, pytest.param(math.inf, marks=pytest.mark.long)])
     def test_a_setpoint_that_is_not_finite_is_refused_and_the_wire_held(
         self, bench, parameters, start_node, client, position_m
     ):
@@ -404,7 +405,12 @@ def _truth_over_supply(bench):
 
 
 class TestEnd:
-    @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGUSR1], ids=lambda n: n.name)
+    # What a program makes of each of them: tests/base/test_interrupts.py.
+    @pytest.mark.parametrize(
+        "number",
+        [signal.SIGINT, signal.SIGTERM, pytest.param(signal.SIGUSR1, marks=pytest.mark.long)],
+        ids=lambda n: n.name,
+    )
     def test_a_signal_switches_off_within_a_second_and_is_no_error(self, bench, parameters, start_node, client, number):
         node = start_node(parameters(), fresh=True)  # to the end of its interpreter
         _enabled(client)

@@ -257,7 +257,7 @@ sys.exit(node.main())
         "hangs, code",
         [
             # As Fast DDS does where the clock says a time before 1970: for ever, and Python with it.
-            ("node.Switch.close = lambda self: ctypes.PyDLL(None).pause()", 1),
+            pytest.param("node.Switch.close = lambda self: ctypes.PyDLL(None).pause()", 1, marks=pytest.mark.long),
             # A thread that Python waits for at its end.
             ("threading.Thread(target=threading.Event().wait).start()", 1),
             # A library that tidies up when Python is gone already.

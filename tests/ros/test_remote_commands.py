@@ -166,6 +166,7 @@ def test_a_position_that_is_not_reached_is_said_and_the_wire_is_held(bench, caps
     assert main(["stop", *NODE]) == 0
 
 
+@pytest.mark.long  # of one that is not reached it is seen above
 def test_a_position_beyond_an_end_is_given_up_at_that_end(bench, capsys):
     _enable(capsys)
     assert main(["move", "40%", *NODE, "--within", "60", "-q"]) == 0

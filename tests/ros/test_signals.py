@@ -82,7 +82,7 @@ def driven(start_bench, make_config, start_node, client, tmp_path):
     return messages, file, parameters
 
 
-@pytest.mark.parametrize("mcap", [False, True], ids=["sqlite3", "mcap"])
+@pytest.mark.parametrize("mcap", [pytest.param(False, marks=pytest.mark.long), True], ids=["sqlite3", "mcap"])
 def test_a_bag_of_it_is_the_recorders_log_and_goes_through_replay_without_a_topic(driven, tmp_path, mcap, capsys):
     serialized, file, parameters = driven
     messages = [deserialize_message(message, JointState) for message in serialized]

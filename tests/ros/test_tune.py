@@ -63,6 +63,7 @@ def test_a_wire_that_is_off_is_not_tuned(node, wire_file, capsys):
     assert wire_file.read_text() == before
 
 
+@pytest.mark.long  # the command in its own process, tests/control/test_tuning.py
 def test_the_node_takes_the_gains_over_and_the_command_writes_them(node, wire_file, capsys):
     wait_until(lambda: main(["enable", *NODE]) == 0, what="a wire that can be enabled")
     words = []

@@ -19,7 +19,9 @@ from sma_actuator.view.watched import WatchedNode
 VIEW = (sys.executable, "-m", "sma_actuator", "view", "--quiet", "--port")
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT], ids=lambda number: number.name)
+@pytest.mark.parametrize(
+    "number", [signal.SIGTERM, pytest.param(signal.SIGINT, marks=pytest.mark.long)], ids=lambda number: number.name
+)
 def test_a_port_in_use_is_said_and_a_signal_ends_it(number):
     with subprocess.Popen([*VIEW, "0"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as view:
         try:

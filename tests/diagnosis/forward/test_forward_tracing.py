@@ -105,6 +105,7 @@ def test_every_candidate_keeps_to_what_its_parameters_are_declared_for():
                 assert free.unit == declared.unit
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not MEASURED.is_dir(), reason=f"the measurements are not beside the project ({MEASURED})")
 def test_the_measured_wire_is_heated_by_the_rms_voltage_and_lacks_something():
     ramp, cooling, other = (read_run(MEASURED / f"{n}.csv") for n in ("ramp01", "step02", "step03_pr"))

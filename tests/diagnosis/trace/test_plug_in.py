@@ -60,6 +60,7 @@ def test_a_model_is_identified_and_replayed(wire, folder, logs, installed):
     assert "model.type: 'straight_line' is not one of flexinol, " in said
 
 
+@pytest.mark.long  # that it is known to the bench and to commands, below
 def test_an_effect_is_traced_written_into_the_model_and_replayed(wire, folder, logs, installed):
     mapping = json.loads(json.dumps(wire[1]))
     truth_Ohm = mapping.setdefault("circuit", {}).get("reference_resistance", 1.0)

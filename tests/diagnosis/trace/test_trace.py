@@ -192,6 +192,7 @@ def test_a_spring_tells_a_drifting_sensor_from_a_creeping_wire(wire, config):
     assert wrong.nats < -1.0 and wrong.by_witness[line] < 0.0
 
 
+@pytest.mark.long  # of a wire that creeps and a sensor that drifts, above
 @pytest.mark.parametrize("hidden", ["rate", "reference_lag"])
 def test_a_wire_that_lags_is_as_likely_as_a_sensor_that_does_until_it_pulls_a_spring(wire, config, hidden):
     """A spring's load follows the wire and not the sensor; under a weight nothing tells the two apart."""
@@ -216,11 +217,12 @@ def test_the_power_to_transform_tells_a_changed_heat_loss_from_a_wire_whose_resi
     assert wrong.nats < -1.0 and wrong.by_witness[power] < 0.0
 
 
+@pytest.mark.long  # that this power tells a heat loss, above
 @pytest.mark.parametrize(
     ("seed", "warmer_K"),
     [
         (5, 10.0),
-        pytest.param(6, 10.0, marks=pytest.mark.long),
+        (6, 10.0),
         (7, -10.0),
     ],
 )
@@ -683,7 +685,12 @@ def test_of_pairs_the_best_few_are_fitted_that_promise_more_than_the_best_alone(
 
 
 @pytest.mark.parametrize(
-    "hidden", [{"creep": 2.2e-4, "voltage_offset": 2.7e-3}, {"fatigue": 9e-5, "backlash": 4.5e-4}], ids="+".join
+    "hidden",
+    [
+        {"creep": 2.2e-4, "voltage_offset": 2.7e-3},
+        pytest.param({"fatigue": 9e-5, "backlash": 4.5e-4}, marks=pytest.mark.long),
+    ],
+    ids="+".join,
 )
 def test_what_two_move_alone_says_that_they_may_have_happened_together(wire, config, hidden):
     """Whatever looks likelier by itself: each alone leaves what the other does."""
@@ -793,7 +800,10 @@ def test_something_else_may_drift_in_one_witness_alone(clean, witness):
     assert max(goes_with, key=goes_with.__getitem__) == witness and goes_with[witness] > 0.5
 
 
-@pytest.mark.parametrize(("over", "by"), [("place", NEARLY[1]), ("place", NEARLY[2]), ("time_s", NEARLY[1])])
+@pytest.mark.parametrize(
+    ("over", "by"),
+    [*(pytest.param("place", by, marks=pytest.mark.long) for by in NEARLY[1:3]), ("time_s", NEARLY[1])],
+)
 def test_what_has_only_nearly_the_form_of_an_effect_is_something_else_that_looks_like_it(a_lead, over, by):
     """A lead keeps its name; what moves the rows like one, but now or here by much more or less, does not."""
     evidence, found = a_lead
@@ -826,11 +836,11 @@ def test_what_looks_like_an_effect_that_makes_the_model_worse_is_nothing(a_lead)
 @pytest.mark.parametrize(
     ("hidden", "truth"),
     [
-        ({"reference_self_heating": 0.15}, {"coefficient": 0.15, "time_constant": 25.0}),
         ({"channel_delay": 0.4}, {"delay": 0.4}),
         *(
             pytest.param(hidden, truth, marks=pytest.mark.long)
             for hidden, truth in (
+                ({"reference_self_heating": 0.15}, {"coefficient": 0.15, "time_constant": 25.0}),
                 ({"shunt": 5e-3}, {"conductance": 5e-3}),
                 ({"creep": 1e-4}, {"compliance": 1e-4, "time_constant": 200.0}),
                 ({"current_feedthrough": 3e-4}, {"coupling": 3e-4}),
