@@ -12,6 +12,7 @@ import numpy as np
 from sma_actuator.base.balance import held_rise_K, holding_A
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.config import require_sense_resistor
+from sma_actuator.logs.cycles import HOT_PART
 
 from .programs import FROM_COLD, every_ordered_pair
 
@@ -137,7 +138,9 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
         **pulse,
         "most_current_A": round(most_A, 4),
     }
-    ramped = {"ramp_s": round(ramp_s, 3)} if ramp_s else {}
+    # A wire that contracts only at the end of a ramp is seen at rest for that share of all the time that it was driven.
+    at_rest_s = max(heat_s, math.ceil(HOT_PART / (1.0 - HOT_PART) * ramp_s))
+    ramped = {"ramp_s": round(ramp_s, 3), "heat_s": at_rest_s} if ramp_s else {}
     moves = len(every_ordered_pair(options.set_points)) - 1
     parts = [
         Part("lead_resistance", "lead_resistance", {"average_s": options.average_s}, options.average_s),
@@ -163,7 +166,7 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
                 f"pulses_{label}",
                 "pulses",
                 {**load, "cycles": options.pulses, **pulse, **ramped, "most_current_A": round(most_A, 4)},
-                options.pulses * (cycle_s + ramp_s),
+                options.pulses * (at_rest_s + cool_s + ramp_s),
             )
         )
         parts.append(

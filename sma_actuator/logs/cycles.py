@@ -15,10 +15,7 @@ import numpy as np
 _LOW_END = 0.05  #: share of the current's range in which it is at the low end of it
 SAME_LOAD = 0.05  #: relative difference below which two loads count as one
 _AT_REST = 0.08  #: share of a cycle's stroke within which of an end it is at rest there
-_HOT_PART, _COLD_PART = (
-    0.25,
-    0.15,
-)  #: shares of the time driven and not, in which it rests at the hot and at the cold end
+HOT_PART, _COLD_PART = 0.25, 0.15  #: shares of the time driven and not, in which it rests at the hot and the cold end
 #: Share of the widest stroke of a load that a full cycle has at least: the first one begins at a rest of any length,
 #: the others at what a pause between pulses leaves of the long tail that the cooling of a real wire ends with.
 _WIDEST = 0.88
@@ -83,7 +80,7 @@ def _cycle(displacement: np.ndarray, driven: np.ndarray, start: int, stop: int) 
         start,
         stop,
         stroke,
-        rests_hot=bool(np.percentile(hot, 100.0 * _HOT_PART) - hot.min() <= near),
+        rests_hot=bool(np.percentile(hot, 100.0 * HOT_PART) - hot.min() <= near),
         rests_cold=bool(cold.max() - np.percentile(cold, 100.0 * (1.0 - _COLD_PART)) <= near),
         heated=int(np.count_nonzero(np.abs(hot - 0.5 * (moved.min() + moved.max())) < 0.25 * stroke)),
     )

@@ -650,7 +650,8 @@ def test_too_few_masses_for_a_load_cell_are_refused_before_anything_is_measured(
     assert make_plan(bench, PlanOptions(masses_kg=(0.1,), skip=("load_cell",)))
 
 
-def test_a_quick_wire_is_ramped_through_its_transformation_and_no_further_than_the_heat_limit_bears():
+@pytest.mark.parametrize("share", [0.3, 0.8], ids=["early on the ramp", "near its end"])
+def test_a_quick_wire_is_ramped_through_its_transformation_and_no_further_than_the_heat_limit_bears(share):
     """37 µm at 20 Hz cool in three readings: each pulse is one cycle, with its way into the heat in many readings."""
     mapping = bench_mapping("flexinol")
     mapping["wire"]["diameter"] = 37e-6
@@ -670,7 +671,7 @@ def test_a_quick_wire_is_ramped_through_its_transformation_and_no_further_than_t
         while True:
             time_s += 0.05
             temperature_K += 0.5 * (held_K * (drive.current_A / p["heat_current_A"]) ** 2 - temperature_K)
-            at_m = 4e-3 / (1.0 + math.exp((temperature_K - 0.3 * held_K) / 1.5)) + 5e-6 * temperature_K  # it expands
+            at_m = 4e-3 / (1.0 + math.exp((temperature_K - share * held_K) / 1.5)) + 5e-6 * temperature_K  # it expands
             shown.append((drive.current_A, at_m))
             drive = program.send(SimpleNamespace(time_s=time_s, reference_displacement_m=at_m))
     current_A, at_m = np.array(shown).T
