@@ -233,7 +233,7 @@ def _transforms_at_C(row: Floats, resistance_Ohm: float, stress_Pa: float, shift
     if not hot_Ohm < cold_Ohm:
         return inf
     share = (resistance_Ohm - hot_Ohm) / (cold_Ohm - hot_Ohm)
-    by_balance_C = looked_up(row, 2, min(max(share, 0.0), 1.0)) + shift_K_Pa * stress_Pa
+    by_balance_C = looked_up(row, 2, share) + shift_K_Pa * stress_Pa  # beyond the ends as at them
     highest_C = then_C + CAPACITY_WITHIN * (by_balance_C - then_C)
     return highest_C if isfinite(highest_C) else inf
 

@@ -1,13 +1,15 @@
 """What counts as an end of the way, and that it is tried again."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
 from sma_actuator.base.balance import Balance
+from sma_actuator.base.calibration import Calibration, HotEndSection, PowerSection, RestSection
 from sma_actuator.safety.guards.setpoints import no_motion
 from sma_actuator.safety.limits import SETPOINT_REACH
-from sma_actuator.safety.reach import BACK_OFF, Needed, Reach
+from sma_actuator.safety.reach import BACK_OFF, BEYOND_K, Needed, Places, Reach
 
 STROKE_m, TAU_s, STEP_s = 4e-3, 2.0, 0.05
 FULL_W = 0.8
@@ -236,3 +238,41 @@ def test_a_wire_in_a_tube_that_is_still_warming_up_is_at_no_end():
     assert bare.run(8.0, heat=None) > -math.inf
     assert sleeved.run(8.0, heat=None) == -math.inf
     assert sleeved.run(30.0, heat=None) > -math.inf
+
+
+def test_a_clock_that_goes_back_makes_no_wire_warmer_or_colder():
+    wire = Wire()
+    wire.run(1.0)
+    held_W = wire.reach._held_W
+    wire.now_s -= 0.5
+    wire.run(STEP_s)
+    assert wire.reach._held_W == held_W
+
+
+class TestPlaces:
+    @pytest.fixture
+    def calibration(self):
+        return Calibration(
+            rest=RestSection(cold_stress=(1e8, 2e8), cold_displacement=(4e-3, 5e-3)),
+            hot_end=HotEndSection(contracted_stress=(1e8, 2e8), contracted_displacement=(0.0, 2e-3)),
+            power=PowerSection(
+                transformation_heating=(80.0, 70.0, 60.0),
+                transformation_cooling=(50.0, 45.0, 40.0),
+                transformation_shift=(3e-7, 1e-7),
+                latent_rise=20.0,
+            ),
+        )
+
+    @pytest.mark.parametrize(
+        ("position_m", "stress_Pa", "share", "heating_C"),
+        [(1e-3, 1e8, 0.25, 85.0), (2.75e-3, 1.5e8, 0.5, 85.0), (5e-3, 2e8, 1.0, 80.0), (5e-3, 1e8, 1.25, 70.0)],
+    )
+    def test_say_what_heat_a_heating_wire_takes_to_be_at_its_share_of_the_stroke(
+        self, calibration, position_m, stress_Pa, share, heating_C
+    ):
+        needed = Places(calibration).needed(position_m, stress_Pa, 25.0, 0.01)
+        assert needed == pytest.approx((share, 0.01 * (heating_C - 25.0), 0.01 * BEYOND_K, 0.2))
+
+    def test_say_nothing_without_temperatures_or_ends(self, calibration):
+        for other in (Calibration(), replace(calibration, power=PowerSection())):
+            assert Places(other).needed(1e-3, 1e8, 25.0, 0.01) is None

@@ -406,6 +406,10 @@ class TestTransformsAt:
         found_C = Transforms(calibration, parameters).at_C(resistance_Ohm, 1e8)
         assert found_C == pytest.approx(20.0 + CAPACITY_WITHIN * (by_balance_C - 20.0))
 
+    def test_half_way_between_the_resistances_is_half_way(self, parameters, calibration):
+        other = replace(calibration, rest=replace(calibration.rest, cold_resistance=(7.0,)))
+        assert Transforms(other, parameters).at_C(5.5, 1e8) == pytest.approx(20.0 + CAPACITY_WITHIN * 60.0)
+
     def test_without_the_surroundings_of_then_those_of_the_parameters_are_taken(self, parameters, calibration):
         found_C = Transforms(replace(calibration, ambient_temperature=math.nan), parameters).at_C(4.0, 1e8)
         assert found_C == pytest.approx(24.0 + CAPACITY_WITHIN * 66.0)
@@ -416,6 +420,11 @@ class TestTransformsAt:
 
     def test_nor_without_a_calibration_or_with_one_whose_resistance_tells_nothing(self, parameters, calibration):
         assert Transforms(Calibration(), parameters).at_C(4.5, 1e8) == math.inf
+        for unknown in (
+            replace(calibration, power=PowerSection()),
+            replace(calibration, rest=replace(calibration.rest, cold_resistance=())),
+        ):
+            assert Transforms(unknown, parameters).at_C(4.5, 1e8) == math.inf
         half = replace(calibration, hot_end=replace(calibration.hot_end, contracted_resistance=()))
         assert Transforms(half, parameters).at_C(4.5, 1e8) == math.inf
         flat = replace(calibration, rest=replace(calibration.rest, cold_resistance=(4.0,)))
