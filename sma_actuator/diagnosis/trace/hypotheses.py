@@ -264,7 +264,7 @@ def objection(found: Likeliest) -> str:
     out, p = [], found.problem
     for (c, f), x, low, high in zip(p.slots, found.u, p.low, p.high, strict=True):
         near = (NEAR_SIZE if f.is_size else NEAR_SHAPE) * (high - low)
-        ends = (("high", "low") if f.low < 0.0 else ("high",)) if f.is_size else f.other_at
+        ends = f.other_at + ((("high", "low") if f.low < 0.0 else ("high",)) if f.is_size else ())
         if ("high" in ends and high - x < near) or ("low" in ends and x - low < near):
             unit = declaration_of(next(d for d in dataclasses.fields(EFFECTS[c.name]) if d.name == f.name)).unit  # type: ignore[arg-type]
             unit = "" if unit == "1" else f" {unit}"

@@ -55,7 +55,8 @@ class Free:
     typical: float  #: of a size parameter, before the logs: it is varied in units of that
     starts: tuple[float, ...] = ()  #: of a shape parameter (time constant …), which alone changes nothing
     logarithmic: bool = True  #: whether a shape parameter is varied as its logarithm
-    #: Ends, "low" or "high", at which the effect is another one: a contact that has drifted at once is a lead.
+    #: Ends, "low" or "high", at which the effect is another one: a contact that has drifted at once is a lead.  A size
+    #: has them wherever it may not be larger.
     other_at: tuple[str, ...] = ()
 
     @property
@@ -73,9 +74,9 @@ class Free:
         return min(max(value, self.low), self.high)
 
 
-def size(name: str, limit: float, typical: float, low: float | None = None) -> Free:
+def size(name: str, limit: float, typical: float, low: float | None = None, other_at: tuple[str, ...] = ()) -> Free:
     """A parameter that the effect is in proportion to, within ± ``limit`` (or from ``low``)."""
-    return Free(name, -limit if low is None else low, limit, typical)
+    return Free(name, -limit if low is None else low, limit, typical, other_at=other_at)
 
 
 def shape(name: str, low: float, high: float, *starts: float, other_at: tuple[str, ...] = ()) -> Free:

@@ -338,7 +338,8 @@ class Fatigue(Effect):
         # otherwise.
         least = None if scales.calibration_counts else 0.0
         return [
-            size("displacement", 0.1 * scales.stroke_m, 0.005 * scales.stroke_m, least),
+            # What raises the resistance alone is no wear, but a contact that drifts.
+            size("displacement", 0.1 * scales.stroke_m, 0.005 * scales.stroke_m, least, other_at=("low",)),
             size("resistance", 0.1, 0.001, least),
             # How far from a logarithm, and how much the stroke shrinks: between what was seen of wires.  Where it does
             # not shrink at all, the whole wire has grown longer: it creeps, or slips.

@@ -31,16 +31,16 @@ class Line:
         return self.base + SLOPES @ (np.array([drift.offset, drift.rate]) / TYPICAL)
 
 
-def candidate(limit=100.0):
-    offset, rate = (size(name, limit * t, t) for name, t in zip(("offset", "rate"), TYPICAL, strict=True))
-    return Candidate(NAME, (offset, rate), {})
+def candidate(limit=100.0, least=None, other_at=()):
+    offset = size("offset", limit * TYPICAL[0], TYPICAL[0], least, other_at)
+    return Candidate(NAME, (offset, size("rate", limit * TYPICAL[1], TYPICAL[1])), {})
 
 
-def of(true, limit=100.0):
+def of(true, limit=100.0, **of_offset):
     """(rows without an effect, what is likeliest, the covariance); ``true``: sizes, in what is typical."""
     base = RNG.standard_normal(N) + SMOOTH @ (0.5, -0.4) - SLOPES @ true
     usual = Covariance(SMOOTH)
-    return base, likeliest(Line(base), [candidate(limit)], usual), usual
+    return base, likeliest(Line(base), [candidate(limit, **of_offset)], usual), usual
 
 
 @pytest.mark.parametrize("true", [(1.0, -2.0), (0.0, 0.0), (-6.0, 4.0)])
@@ -86,6 +86,16 @@ def test_a_size_at_the_end_of_what_is_possible_is_another_effect():
     assert objection(inside) == ""
     _, at_end, _ = of((1.0, -8.0), limit=4.0)
     assert objection(at_end).startswith(f"{NAME}'s rate comes to -0.2 N/s, the end of what is possible")
+
+
+def test_a_size_that_cannot_be_negative_is_another_effect_at_zero_only_where_that_is_said():
+    """A wear that moves no end is a contact that drifts; one that leaves the resistance as it is, is still a wear."""
+    _, wear, _ = of((-1.0, -2.0), least=0.0)
+    assert wear.values[NAME]["offset"] == 0.0 and objection(wear) == ""
+    _, contact, _ = of((-1.0, -2.0), least=0.0, other_at=("low",))
+    assert objection(contact).startswith(f"{NAME}'s offset comes to 0 N, the end of what is possible")
+    _, there, _ = of((2.0, -2.0), limit=20.0, least=0.0, other_at=("low",))
+    assert objection(there) == ""
 
 
 def test_a_shape_is_found_from_whichever_start_leads_there():
