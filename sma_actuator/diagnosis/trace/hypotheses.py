@@ -224,11 +224,13 @@ def pairs(rows: Rows, alone: Sequence[Hypothesis], jobs: int, progress: Progress
     """Two effects at once, with what each had before the logs, of which any two were as likely.
 
     What each effect moves alone says of all of them at once which promise most; these are sketched from where the
-    better of the two was fitted, and of those that do better than the best single effect the best few are fitted.  One
-    that happens once is fitted beside the best single one whatever its sketch: when it was, it was looked for alone;
-    and from there too, since without it the other one had to take its part.
+    better of the two was fitted, and of those that do better than any one effect that may have happened the best few
+    are fitted.  One that happens once is fitted beside that one whatever its sketch: when it was, it was looked for
+    alone; and from there too, since without it the other one had to take its part.
     """
-    ranked = sorted(alone, key=lambda one: -one.log_evidence)
+    # What is none alone may be there beside another, which it had to take the part of; it is no measure for them.
+    ranked = sorted(alone, key=lambda one: (bool(one.why_none), -one.log_evidence))
+    to_beat = max([rows.nothing().log_evidence, *(one.log_evidence for one in ranked if not one.why_none)])
     beside: dict[int, list[Hypothesis]] = {}
     for first, other in rows.promising(ranked):
         beside.setdefault(first, []).append(ranked[other])
@@ -240,7 +242,7 @@ def pairs(rows: Rows, alone: Sequence[Hypothesis], jobs: int, progress: Progress
         for (k, others), found in zip(beside.items(), run(calls), strict=True):
             sketched += zip(found, [ranked[k]] * len(others), others, strict=True)
     sketched.sort(key=lambda one: -one[0])
-    better = [(first, other) for evidence, first, other in sketched if evidence > ranked[0].log_evidence][:IN_EARNEST]
+    better = [(first, other) for evidence, first, other in sketched if evidence > to_beat][:IN_EARNEST]
     better += [(ranked[0], other) for other in ranked[1:] if _happens_once(other) and (ranked[0], other) not in better]
     better += [(other, first) for first, other in better if _happens_once(other)]
     out: dict[frozenset[str], Hypothesis] = {}

@@ -677,11 +677,28 @@ def test_of_pairs_the_best_few_are_fitted_that_promise_more_than_the_best_alone(
             promising=lambda alone: [(first, other) for first in (0, 1) for other in range(first + 1, 8)],
             sketches=lambda _, others: [*promised, *[-1.0] * 7][: len(others)],
             effects=effects,
+            nothing=lambda: Hypothesis(("nothing",), -9.0, 0.0, np.zeros(1)),
         )
         assert len(pairs(rows, alone, 1, lambda what, share: None)) == len(asked)
         return len(asked)
 
     assert (found(), found(3.0), found(*[3.0] * 6)) == (0, 2, 5)  # beside each of two; at the most five
+
+
+def test_what_cannot_have_happened_alone_is_no_measure_for_pairs():
+    """A rate and a load cell's gain at once looked, alone, most like surroundings that made the model worse."""
+    fitted = SimpleNamespace(candidates=(SimpleNamespace(name="", scanned=""),), values={})
+    worse = Hypothesis(("ambient",), 50.0, 0.0, np.zeros(1), fitted, worse=True)
+    alone = [worse, *(Hypothesis((name,), 0.0, 0.0, np.zeros(1), fitted) for name in ("rate", "gain"))]
+    asked = []
+    rows = SimpleNamespace(
+        promising=lambda ranked: [(0, 1)],
+        sketches=lambda first, others: [20.0] * len(others),
+        effects=lambda *_: asked.append(1) or Hypothesis(("rate", "gain"), 90.0, 0.0, np.zeros(1), fitted),
+        nothing=lambda: Hypothesis(("nothing",), -9.0, 0.0, np.zeros(1)),
+    )
+    ((_, found),) = pairs(rows, alone, 1, lambda what, share: None)
+    assert found.names == ("rate", "gain") and len(asked) == 1
 
 
 @pytest.mark.parametrize(
@@ -716,7 +733,10 @@ def test_one_that_happens_once_is_fitted_beside_the_best_whatever_its_sketch():
 
     alone = [one("lead", 10.0), one("gain", 5.0), one("slip", 0.0)]
     rows = SimpleNamespace(
-        promising=lambda alone: [(0, 1)], sketches=lambda first, others: [-90.0] * len(others), effects=effects
+        promising=lambda alone: [(0, 1)],
+        sketches=lambda first, others: [-90.0] * len(others),
+        effects=effects,
+        nothing=lambda: alone[-1],
     )
     found = [one for _, one in pairs(rows, alone, 1, lambda what, share: None)]
     assert [one.names for one in found if one.found] == [("lead", "slip")]
@@ -730,6 +750,7 @@ def test_before_the_logs_every_two_are_as_likely_whether_they_are_looked_at_or_n
         promising=lambda alone: [(0, 1), (0, 2), (1, 2)],
         sketches=lambda _, others: [9.0] * len(others),
         effects=lambda *_: alone[0],
+        nothing=lambda: alone[0],
     )
     assert {before for before, _ in pairs(rows, alone, 1, lambda what, share: None)} == {LIMITS.rare / 15}
 
