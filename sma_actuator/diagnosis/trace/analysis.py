@@ -49,7 +49,8 @@ def quantities(evidence: Evidence, predictions: Sequence[Prediction]) -> dict[st
             "power_W": power_W,
             **{f"power_lagged_{lag:g}_s_W": lagged(s.time_s, power_W, lag) for lag in POWER_LAGS_s},
             "cycle": unit.astype(float),
-            "inverse_current_1_A": 1.0 / np.maximum(s.current_A, 1e-6),
+            # Of the current that flows: a model answers the noise of its readings too, which is no error of a sensor.
+            "inverse_current_1_A": 1.0 / np.maximum(smooth(s.current_A, period_s), 1e-6),
             "resistance_rate_Ohm_s": slope,
             "ambient_temperature_C": np.broadcast_to(s.ambient_temperature_C, np.shape(power_W)),
         }

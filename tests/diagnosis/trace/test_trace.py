@@ -210,9 +210,9 @@ def test_a_wire_that_lags_is_as_likely_as_a_sensor_that_does_until_it_pulls_a_sp
 def test_the_power_to_transform_tells_a_changed_heat_loss_from_a_wire_whose_resistance_rises_more(wire, config):
     """The wire that warms more takes the same power."""
     power = "power in the transformation"
-    evidence = Evidence(session(wire[0], {"heat_loss": -0.3}), config)
+    evidence = Evidence(session(wire[0], {"heat_loss": -0.4}), config)
     right, wrong = beside(evidence, "heat_loss", "self_heating")
-    assert right.fit.values["heat_loss"]["change"] == pytest.approx(-0.3, abs=0.08)
+    assert right.fit.values["heat_loss"]["change"] == pytest.approx(-0.4, abs=0.08)
     assert right.witnesses["before"][power] > 2.5 > 2.0 > right.witnesses["after"][power]
     assert wrong.nats < -1.0 and wrong.by_witness[power] < 0.0
 
@@ -366,6 +366,18 @@ def test_every_quantity_that_may_give_an_effect_away_is_looked_at(clean):
     """A tell-tale is refused at registration where it is none of these; here none of these is missing."""
     found = quantities(clean, clean.predict({}))
     assert set(QUANTITIES) - {"ambient_temperature_C"} <= set(found) <= set(QUANTITIES)  # not logged here
+
+
+def test_what_goes_with_the_current_goes_with_what_flows_and_not_with_its_readings_noise(clean):
+    """A level that is held has the converter's noise, which the model answers through the resistance."""
+    inverse_1_A = quantities(clean, clean.predict({}))["inverse_current_1_A"]
+    read = [
+        1.0 / t.signals.current_A[rows] for t, rows in zip(clean.logs.experiments, clean.logs.compared, strict=True)
+    ]
+    cold = inverse_1_A > 0.9 * inverse_1_A.max()
+    # A mean over six readings, and what is left of a switch.
+    assert np.std(inverse_1_A[cold]) < 0.6 * np.std(np.concatenate(read)[cold])
+    assert np.mean(inverse_1_A[cold]) == pytest.approx(np.mean(np.concatenate(read)[cold]), rel=1e-3)
 
 
 def test_large_residuals_count_linearly():
