@@ -126,14 +126,15 @@ def sentence(tracing: Tracing, depends: dict[str, float], alternatives: Sequence
         for some in _something_else(tracing)
     )
     text += f" By its form it goes with {goes_with}." if goes_with else ""
-    likely = [n for n in tracing.probabilities.by_name if n not in NO_NAMES][:MOST_NAMES]
+    by_name = tracing.probabilities.by_name
+    likely = [n for n, share in by_name.items() if n not in NO_NAMES and share >= LEAST_SAID][:MOST_NAMES]
     if tracing.probabilities.best[0] in NO_NAMES:
         text += f" It looks like {looks_like}, but has not quite that form." if looks_like else ""
         text += " Something else than any of them is the most probable"
     else:
         text += f" No {MOST_NAMES} names together are probable enough"
-    shares = _listed([f"{n} {tracing.probabilities.by_name[n]:.0%}" for n in likely])
-    text += f"; of the names {shares}." if likely else "."
+    shares = _listed([f"{n} {by_name[n]:.0%}" for n in likely])
+    text += f"; of the names {shares}." if likely else f"; no name has {LEAST_SAID:.0%}."
     if names:
         text += (
             f" {' and '.join(names)} would take off part of it (that is the error after), and may be the wrong name."

@@ -32,7 +32,7 @@ class Tracing:
     names: list[str]  #: that are given, where traced (:attr:`Probabilities.verdict`)
     probabilities: Probabilities
     hypotheses: dict[tuple[str, ...], Hypothesis]  #: by their names
-    fit: Fit | None  #: of the most probable effects, whether they are given or not
+    fit: Fit | None  #: of the most probable effects, given or not; None of those without a name that mend nothing
     untestable: dict[str, str]
     losses: dict[str, np.ndarray]  #: held-out loss of every unit, before and after
     errors_percent: dict[str, np.ndarray]  #: mean absolute error of every unit, % of full stroke, before and after
@@ -209,7 +209,11 @@ def _concluded(
     )
     if verdict != "none" and any(one.found for one in hypotheses.values()):
         best = result.chosen
-        result.fit = found = fit_of(evidence, best.fitted, best.covariance or rows.usual)
+        found = fit_of(evidence, best.fitted, best.covariance or rows.usual)
+        # Of what has no name, the most probable effect is worth a word where the model is better with it, and no other.
+        if verdict == "unexplained" and found.held_out_news_percent.mean() >= news.mean():
+            return result
+        result.fit = found
         result.predictions["after"] = evidence.predict(found.effects)
         result.losses["after"] = found.held_out
         result.errors_percent["after"] = found.held_out_percent

@@ -137,6 +137,9 @@ def test_what_has_no_name_stays_without(wire, config, hidden, by_its_form):
     assert found.verdict == "unexplained" and found.names == []
     said = sentence(found, {}, [])
     assert "There is an error that no candidate explains" in said
+    # What was fitted is worth a word only where the model is better with it than without.
+    assert np.mean(found.news_percent["after"]) <= np.mean(found.news_percent["before"])
+    assert (found.fit is not None) == ("would take off part of it" in said)
     something = found.hypotheses[SOMETHING_ELSE,]
     if by_its_form != "looks like":
         assert by_its_form in (max(something.goes_with, key=something.goes_with.__getitem__), "goes with")
