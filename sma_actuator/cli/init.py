@@ -132,9 +132,9 @@ QUESTIONS = (
     Question(
         "instruments.supply.resource",
         "Power supply, as TCPIP::192.168.0.5::5025::SOCKET?",
-        "Its VISA address. Over the network: the address that its menu shows, with port 5025 for most makes (see its "
-        "manual). USB: USB0::…::INSTR, a serial line: ASRL/dev/ttyUSB0::INSTR; `pyvisa-shell`, then `list`, shows "
-        "what is found.",
+        "Its VISA address. Over the network: the address that its menu shows, with port 5025 for most makes, 5555 for "
+        "Rigol's (see its manual). USB: USB0::…::INSTR, a serial line: ASRL/dev/ttyUSB0::INSTR; `pyvisa-shell`, then "
+        "`list`, shows what is found.",
     ),
     Question(
         "instruments.supply.dialect",
