@@ -158,8 +158,12 @@ class Covariance:
         #: Logarithm of the determinant.
         self.log_determinant = float(np.sum(np.log1p(squares[some])))
         if alone is not None:
-            size, counts = alone
-            self.log_determinant += 2.0 * self._root**2 * float(np.log(size) @ counts)
+            self.log_determinant += self.of_sizes(*alone)
+
+    def of_sizes(self, size: np.ndarray, counts: np.ndarray) -> float:
+        """What rows add to the logarithm of the determinant that are so many times as far off by themselves, where each
+        counts as so many readings."""
+        return 2.0 * self._root**2 * float(np.log(size) @ counts)
 
     def of(self, seen: np.ndarray) -> Covariance:
         """The same of some of the rows (bool)."""

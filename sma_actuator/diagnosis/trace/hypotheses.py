@@ -161,6 +161,19 @@ class Rows:
         worse = bool(np.sum(found.rows**2) > np.sum(self.plain**2))
         return Hypothesis(names, evidence, likelihood, by_row, found, best, objection(found), worse)
 
+    def where_it_was(self, one: Hypothesis) -> float:
+        """Logarithm of the evidence of what may have happened, were each reading held against the floor of where the
+        wire was by that; a narrower one makes the same readings likelier, if they keep to it.
+
+        Of hypotheses whose forms are their own.
+        """
+        effects = one.found.effects if one.found else {}
+        there = self.evidence.held_where(effects)
+        likelihood, _ = _likelihood(self.usual, there.rows(there.predict(effects)))
+        floor, here = (np.concatenate(evidence.of_displacement.floor_m) for evidence in (there, self.evidence))
+        counts = self.evidence.sample_weight**2
+        return one.log_evidence - one.log_likelihood + likelihood - 0.5 * self.usual.of_sizes(floor / here, counts)
+
     def promising(self, alone: Sequence[Hypothesis]) -> list[tuple[int, int]]:
         """Of all pairs of effects, by their numbers, those that promise most: by one linear step of their sizes, with
         any shape of each, from where nothing has happened."""

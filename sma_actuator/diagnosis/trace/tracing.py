@@ -133,17 +133,18 @@ def _alone(
 
     How far a model is usually off depends on the place, and what has happened may make it mistake that: a resistance
     that is off by a lead has the floor of another one.  So effects are looked for with one floor everywhere, in fewer
-    readings and by their own forms, and then all are held against that of where the likeliest has the wire: the same
-    for all, so none can buy its rest.  What a model leaves beyond its floor has one everywhere anyway.
+    readings and by their own forms; that is the likeliest which is so with the floor of where it has the wire; and then
+    all are held against that one: the same for all, so none can buy its rest.  What a model leaves beyond its floor has
+    one everywhere anyway.
     """
     if evidence.beyond_floor:
         rows = Rows(evidence)
         return rows, fitted(rows, [(each, None) for each in candidates], jobs, progress, "effects")
     anywhere = Rows(evidence.seldom_and_anywhere(), forms=(0.0,))
     found = fitted(anywhere, [(each, None) for each in candidates], jobs, progress, "effects")
-    best = max(found, key=lambda one: -np.inf if one.why_none else one.log_evidence, default=None)
-    if best is not None and not best.why_none and best.log_evidence > anywhere.nothing().log_evidence:
-        evidence = evidence.held_where(best.fitted.effects)
+    best = max([anywhere.nothing(), *(one for one in found if not one.why_none)], key=anywhere.where_it_was)
+    if best.found:
+        evidence = evidence.held_where(best.found.effects)
     rows = Rows(evidence)
     known = [(one.fitted.candidates, one.fitted.values) for one in found]
     return rows, fitted(rows, known, jobs, progress, "effects again")
