@@ -35,7 +35,9 @@ from sma_actuator.logs.kinds import make_experiments
 from sma_actuator.logs.reading import add_log_arguments, find_logs, place, read_logs, reading_of
 
 from .evidence import Evidence
+from .hypotheses import NOTHING
 from .isolability import as_numbers, isolability, size_in_words, tells_in_words
+from .limits import LIMITS
 from .report import explained, extended, probable, summary
 from .tracing import trace
 
@@ -160,7 +162,7 @@ def run(args: argparse.Namespace) -> int:
     _print(results(args), report)
     _explain(results(args), report, args.explain)
     console.print(f"wrote {args.out / 'report.json'}, report.html{' and model.yaml' if model is not None else ''}")
-    say_next(args, _next(args, report["verdict"], path if model is not None else None))
+    say_next(args, _next(args, report, path if model is not None else None))
     return 0
 
 
@@ -246,10 +248,13 @@ def _when(paths: list[Path]) -> str:
     return time.strftime("%Y-%m-%d: ", time.gmtime(max(path.stat().st_mtime for path in paths)))
 
 
-def _next(args: argparse.Namespace, verdict: str, model: Path | None) -> str:
+def _next(args: argparse.Namespace, report: dict[str, Any], model: Path | None) -> str:
     """What a verdict asks for; ``model``: the extended one, where one was written."""
+    verdict = report["verdict"]
     if model is not None:
         return f"sma_actuator_node --ros-args --params-file {model}"
+    if verdict == "none" and report["probable"][NOTHING] < LIMITS.enough:
+        return "record a longer session, and trace that; what speaks for an effect: --explain NAME"
     if verdict == "none":
         return "nothing: the model holds, drive on with it"
     if verdict == "traced":

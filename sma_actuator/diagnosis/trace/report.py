@@ -23,6 +23,7 @@ from .evidence import Evidence
 from .experiments import best_experiment
 from .hypotheses import NOTHING, SOMETHING_ELSE, Rows
 from .likeliest import likeliest
+from .limits import LIMITS
 from .probability import MOST_NAMES, NO_NAMES
 from .tracing import Tracing, of_the_model
 
@@ -107,11 +108,7 @@ def sentence(tracing: Tracing, depends: dict[str, float], alternatives: Sequence
     of, names = tracing.probabilities.of, _likeliest_first(tracing)
     nothing = of.get((NOTHING,), 0.0)
     if tracing.verdict == "none":
-        return (
-            f"Nothing is missing, with a probability of {nothing:.0%}: of the error "
-            f"{tracing.news_percent['before'].mean():.2f} % of full stroke is not what the calibration lets expect, "
-            "and that is usual."
-        )
+        return _nothing(tracing, nothing)
     if tracing.verdict == "traced":
         return _said(tracing, names, alternatives)
     most = [name for name, share in depends.items() if share >= DEPENDS][:3]
@@ -179,6 +176,24 @@ NEXT = {
     "mechanism": "Look at the crimps and the joint.",
     "reference": "Check the displacement sensor.",
 }
+
+
+def _nothing(tracing: Tracing, share: float) -> str:
+    """That nothing is missing, or only that nothing else is more probable."""
+    off = f"{tracing.news_percent['before'].mean():.2f} % of full stroke"
+    if share >= LIMITS.enough:
+        return (
+            f"Nothing is missing, with a probability of {share:.0%}: of the error {off} is not what the calibration "
+            "lets expect, and that is usual."
+        )
+    others = [(n, p) for n, p in tracing.probabilities.by_name.items() if n != NOTHING and p >= LEAST_SAID]
+    text = (
+        f"Nothing need be missing ({share:.0%}), but these logs do not rule it out: of the error {off} is not what the "
+        f"calibration lets expect, where {tracing.evidence.floor_percent:.2f} % is usual"
+    )
+    text += f", and it may be {_listed([f'{n} ({p:.0%})' for n, p in others[:MOST_NAMES]])}." if others else "."
+    number = float(tracing.evidence.independent.sum())
+    return f"{text} They say as much as {number:.0f} readings that share no error; longer ones say more."
 
 
 def _likeliest_first(tracing: Tracing) -> list[str]:

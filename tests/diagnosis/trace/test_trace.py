@@ -77,6 +77,11 @@ def test_where_nothing_is_hidden_nothing_is_most_probable(clean):
     assert sum(found.probabilities.of.values()) == pytest.approx(1.0)
     assert (SOMETHING_ELSE,) in found.probabilities.of
     assert "Nothing is missing, with a probability of" in sentence(found, {}, [])
+    # Of a session that is too short to say so, that is said, and what else may be.
+    unsure = dataclasses.replace(found, probabilities=Probabilities({(NOTHING,): 0.6, ("slip",): 0.3, ("creep",): 0.1}))
+    said = sentence(unsure, {}, [])
+    assert said.startswith("Nothing need be missing (60%), but these logs do not rule it out: of the error ")
+    assert "it may be slip (30%) and creep (10%). They say as much as " in said
 
 
 @pytest.mark.parametrize(
@@ -698,6 +703,20 @@ def test_of_pairs_the_best_few_are_fitted_that_promise_more_than_the_best_alone(
         return len(asked)
 
     assert (found(), found(3.0), found(*[3.0] * 6)) == (0, 2, 5)  # beside each of two; at the most five
+
+
+def test_the_likeliest_is_so_with_the_floor_of_where_it_has_the_wire(clean):
+    """As though all readings were normal about what each says, with the spread of the places where it has them."""
+    rows = Rows(clean.seldom_and_anywhere(), forms=(0.0,))
+    nothing = rows.nothing()
+    there = rows.evidence.held_where({})
+    floor, anywhere = (np.concatenate(e.of_displacement.floor_m) for e in (there, rows.evidence))
+    assert np.ptp(floor) > 0.0 == np.ptp(anywhere)
+    counts = rows.evidence.sample_weight**2
+    squares = np.sum(rows.usual.whiten(there.rows(there.predict({}))) ** 2)
+    spread = 2.0 * LIMITS.tempering / rows.as_one * float(counts @ np.log(floor / anywhere))
+    expected = rows.usual.log_likelihood(squares) - 0.5 * spread
+    assert rows.where_it_was(nothing) == pytest.approx(expected, abs=1e-6)
 
 
 def test_what_cannot_have_happened_alone_is_no_measure_for_pairs():
