@@ -52,6 +52,7 @@ ELSEWHERE = (
 LOAD_EFFECTS = ("load_cell_drift", "load_cell_gain", "elastic_compliance", "creep", "load_cell_nonlinearity")
 LOG_s, PAUSE_s = 230.0, 60.0
 SESSION_s = 2 * LOG_s + PAUSE_s
+ANOTHER = 100_000  #: between the seeds of the sessions of one case
 USED = 2.5 * TRAINED  #: cycles a wire has done when a session begins: trained, calibrated, and used a little
 LADDER_N = (0.98, 1.47, 0.49, 1.18, 1.96, 0.69, 1.67, 0.49, 1.37, 0.78, 1.96)
 
@@ -116,6 +117,7 @@ class Case:
     kind: str  #: "none", "single", "pair" or "foreign"
     physics: str = HOME
     program: str = PROGRAMS[0]
+    sessions: int = 1  #: each under another load and with another seed; every clock begins at nothing
 
 
 @functools.cache
@@ -223,12 +225,23 @@ def _currents_elsewhere_A(rng: np.random.Generator, rate: float, low: float, hig
     return np.concatenate((current_A, np.full(round(LOG_s * rate) - len(current_A), low)))
 
 
+def sessions_of(case: Case) -> list[Case]:
+    """Each session of a case alone: under one load after the other."""
+    loads = list(dict.fromkeys((case.load, *_loads_for(*case.hidden))))
+    seeds = [case.seed + ANOTHER * again for again in range(case.sessions)]
+    return [
+        dataclasses.replace(case, load=load, seed=seed, sessions=1)
+        for load, seed in zip(itertools.cycle(loads), seeds, strict=False)
+    ]
+
+
 def make_logs(case: Case, folder: Path) -> list[Path]:
-    """Run the session; returns the paths of its two logs, whose times belong to one clock."""
-    paths = []
-    for number, log in enumerate(kept(f"session {case}", BENCH, lambda: _session(case)), 1):
-        paths.append(Path(folder) / f"{case.name}_{number}.csv")
-        write_bench_log(paths[-1], log)
+    """Run the sessions; returns the paths of two logs of each, whose times belong to one clock."""
+    paths: list[Path] = []
+    for one in sessions_of(case):
+        for log in kept(f"session {one}", BENCH, functools.partial(_session, one)):
+            paths.append(Path(folder) / f"{case.name}_{len(paths) + 1}.csv")
+            write_bench_log(paths[-1], log)
     return paths
 
 
@@ -373,8 +386,13 @@ def cases(
     return [_case(c.kind, c.alloy, c.hidden, c.load, c.seed, c.ambient_logged, physics, ELSEWHERE) for c in there]
 
 
+def _loads_for(*names: str) -> tuple[str, ...]:
+    """Under which effects can be seen: those of the load not under a weight that stays."""
+    return ("spring", "steps") if {*names} & {*LOAD_EFFECTS} else LOADS
+
+
 def _load_for(name: str, number: int) -> str:
-    loads = ("spring", "steps") if name in LOAD_EFFECTS else LOADS
+    loads = _loads_for(name)
     return loads[number % len(loads)]
 
 
