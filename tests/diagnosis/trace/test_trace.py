@@ -132,7 +132,7 @@ def test_two_effects_are_both_found(wire, config):
         ({"hum": 6e-5}, GOES_WITH_NOTHING),
         # In the mean a loose contact is a lead; the jumps to and fro are none, and go with whatever is asked.
         pytest.param({"contact_bounce": 0.06}, "goes with", marks=pytest.mark.long),
-        # A thermo-voltage takes off the resistance where the wire is hot, as a shunt does, but not as much of it.
+        # A thermo-voltage is a zero error where the wire is hot, and none where it is cold.
         pytest.param({"thermo_voltage": 1.4e-4}, "looks like", marks=pytest.mark.long),
     ],
     ids=("hum", "contact_bounce", "thermo_voltage"),
@@ -152,7 +152,7 @@ def test_what_has_no_name_stays_without(wire, config, hidden, by_its_form):
         assert f"By its form it goes with {_words(max(goes_with, key=goes_with.__getitem__))} (" in said
     else:
         most = max(something.looks_like, key=something.looks_like.__getitem__)
-        assert most == "shunt" and something.looks_like[most] > 0.5
+        assert most == "voltage_offset" and something.looks_like[most] > 0.5
         assert f"It looks like {most} (" in said
 
 
