@@ -24,7 +24,7 @@ from .experiments import (
     sessions,
 )
 
-FULL, PARTIAL, MANY = "pulses", "partial", "fatigue"
+FULL, PARTIAL, MANY, FOLLOWED = "pulses", "partial", "fatigue", "followed"
 #: Currents held one after the other, and setpoints followed by a control law: partial cycles that are never cut, since
 #: each stands on those before.
 WHOLE = ("levels", "followed")

@@ -1,5 +1,7 @@
 """What is said of a model that was just identified: good for what, for what not, and why."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -22,8 +24,9 @@ def samples(working=1.0, hot=1.0, cold=1.0, partial=1.0, loads_N=(0.5, 1.0, 1.5)
     return Unseen(np.repeat(np.arange(n), 200), load_N, np.tile(place_m, n), errors, np.tile(of_partial, n))
 
 
-def verdict(unseen, range_m=RANGE_m, bounds=(), seen_too=False):
-    return judge(unseen, [], range_m, 4e-3, model_type="flexinol", seen_too=seen_too, bounds=bounds)
+def verdict(unseen, range_m=RANGE_m, bounds=(), seen_too=False, model_type="flexinol", kinds=()):
+    logs = [SimpleNamespace(log=SimpleNamespace(metadata={"kind": kind})) for kind in kinds]
+    return judge(unseen, logs, range_m, 4e-3, model_type=model_type, seen_too=seen_too, bounds=bounds)
 
 
 def test_a_good_model_is_said_to_be_good_and_where():
@@ -50,6 +53,16 @@ def test_where_it_is_not_good_is_said_with_a_reason_and_a_remedy(errors, sentenc
     (said,) = [s for s in found.sentences if s.startswith("not for")]
     assert said.startswith(sentence)
     assert "whole_range" in said or "leave it out" in said
+
+
+def test_a_model_that_learns_asks_for_a_second_round_until_it_has_seen_one():
+    def asks(model_type, *kinds):
+        return any(
+            "characterise --follow" in s for s in verdict(samples(), model_type=model_type, kinds=kinds).sentences
+        )
+
+    assert asks("whole_range", "pulses", "levels") and not asks("whole_range", "pulses", "levels", "followed")
+    assert not asks("flexinol", "pulses"), "of which a second round is no better"
 
 
 def test_a_poor_fit_is_not_good_for_control():

@@ -15,6 +15,7 @@ import numpy as np
 
 from sma_actuator.identify.ranges import MARGIN, determinate_interval_m, full_cycles
 from sma_actuator.logs.experiments import Experiment, IdentificationError
+from sma_actuator.logs.kinds import FOLLOWED
 
 from .unseen import Unseen
 
@@ -88,6 +89,7 @@ def judge(
         sentences.append(_about_one_load(unseen, foreign_loads_N))
     sentences += _about_ends(unseen, regions, range_m, other)
     sentences += _about_partial_cycles(regions, other)
+    sentences += _about_a_second_round(experiments) if model_type == "whole_range" else []
     sentences += _about_the_range(experiments, range_m, stroke_m, full_stroke_m) if share < _NARROW else []
     sentences += bounds
     return Verdict(working <= POOR_percent, sentences, regions, loads)
@@ -121,8 +123,8 @@ def _about_loads(loads: Sequence[Mapping[str, float]], working: float) -> list[s
     words = ", ".join(f"{one['load_N']:.3g} N ({one['working range']:.1f} %)" for one in bad)
     return [
         (
-            f"not for {words}: the polynomials in stress do not reach there; measure at loads beside it, or leave it "
-            "out and keep away from it"
+            f"not for {words}: the model does not reach there; measure at loads beside it, or leave it out and keep "
+            "away from it"
         )
     ]
 
@@ -167,6 +169,15 @@ def _about_partial_cycles(regions: Mapping[str, float], other: str) -> list[str]
     if error > GOOD_percent:
         return [f"not for partial cycles ({error:.1f} %): its transitions do not follow these minor loops{other}"]
     return [f"partial cycles: {error:.1f} %"]
+
+
+def _about_a_second_round(experiments: Sequence[Experiment]) -> list[str]:
+    """What a model that learns has not seen, where none of its logs was driven by one."""
+    if any(t.log.metadata.get("kind") == FOLLOWED for t in experiments):
+        return []
+    return [
+        "it has not seen what a controller does: a second round (characterise --follow) shows it that, and is judged"
+    ]
 
 
 def _about_the_range(
