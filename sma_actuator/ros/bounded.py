@@ -84,6 +84,7 @@ _MOTION_FIELDS = {
     "component_goal_tolerance": "sequence<control_msgs/JointComponentTolerance>",
     "goal_time_tolerance": "builtin_interfaces/Duration",
 }  #: of the Jazzy release; of a goal that is laid out otherwise nothing is looked at here
+_SEQUENCE_WORDS = 3  #: of 8 bytes: where it is, how long, and for how much there is room
 _POINT_WORDS, _LISTS_OF_A_POINT = 13, 4  #: of 8 bytes: four sequences and a duration
 _POINT_B, _NUMBER_B = 4 * _LISTS_OF_A_POINT + 8, 8  #: as they are sent: four lengths and a duration, and each number
 
@@ -112,9 +113,12 @@ def too_much(address: int, kind: Any) -> str:
 
 def _content(parameter: Any) -> int:
     texts = parameter.arrays[4]
-    inside = (_Sequence * min(texts.size, MOST_CONTENT)).from_address(texts.data) if texts.size else ()
-    counted = (parameter.name, parameter.string_value, *parameter.arrays, *inside)
-    return sum(each.size for each in counted)
+    inside = 0
+    if texts.size:
+        # One by one 200 000 took 29 ms, in which the node was not heard of.
+        words = (ctypes.c_uint64 * (_SEQUENCE_WORDS * texts.size)).from_address(texts.data)
+        inside = int(np.frombuffer(words, np.uint64).reshape(texts.size, _SEQUENCE_WORDS)[:, 1].sum())
+    return inside + sum(each.size for each in (parameter.name, parameter.string_value, *parameter.arrays))
 
 
 def too_long(motion: _Motion) -> str:
