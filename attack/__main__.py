@@ -12,6 +12,7 @@ import math
 import os
 import subprocess
 import sys
+import textwrap
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -151,11 +152,9 @@ def page(kept: Kept) -> str:
     lines = [
         "# The attack",
         "",
-        (
-            "Written by `make attack`, which runs it in pieces that are kept with their commit (`attack/kept.json`), "
-            "each with the seeds after"
-        ),
-        "the last; `python -m attack --show` says what of it is older than the code that it tried.",
+        "Written by `make attack`, which runs it in pieces that are kept with their commit (`attack/kept.json`), each",
+        "with the seeds after the last; `python -m attack --show` says what of it is older than the code that it",
+        "tried.",
         "",
         "| attack | commit | on | how much | when this page was written |",
         "|---|---|---|---|---|",
@@ -180,38 +179,15 @@ def page(kept: Kept) -> str:
         ),
         "other stalls are among what is listed here.",
         "",
-        (
-            "The soaks look at memory: `python -m attack soak` at a driver with its recorder for a virtual day, "
-            "`node_soak` at a node"
-        ),
-        (
-            "that somebody listens to over ROS 2 for some minutes, five times as fast as usual, and that is configured "
-            "anew again and"
-        ),
-        (
-            "again. *Grown* is what has come since everything was there that is there once. *Objects* are the blocks "
-            "that Python has"
-        ),
-        (
-            "given out, with all garbage collected: what is kept of each step would be millions. *Memory* is what the "
-            "process has of"
-        ),
-        (
-            "its own. An allocator takes pages as what waits for the disk is now and then more than ever before, so it "
-            "levels off; what"
-        ),
-        (
-            "goes on growing in the second half would be a leak. Pages of programs on disk are left out, for the "
-            "machine takes and drops"
-        ),
-        (
-            "them as it likes: the first time that the model's health fits a plane it reads 1.6 MB of linear algebra. "
-            "What a node"
-        ),
-        (
-            "takes each time that it is configured does not level off and is no object of Python's; where it goes is "
-            "not known."
-        ),
+        "The soaks look at memory: `python -m attack soak` at a driver with its recorder for a virtual day,",
+        "`node_soak` at a node that somebody listens to over ROS 2 for some minutes, five times as fast as usual, and",
+        "that is configured anew again and again. *Grown* is what has come since everything was there that is there",
+        "once. *Objects* are the blocks that Python has given out, with all garbage collected: what is kept of each",
+        "step would be millions. *Memory* is what the process has of its own. An allocator takes pages as what waits",
+        "for the disk is now and then more than ever before, so it levels off; what goes on growing in the second half",
+        "would be a leak. Pages of programs on disk are left out, for the machine takes and drops them as it likes:",
+        "the first time that the model's health fits a plane it reads 1.6 MB of linear algebra. What a node takes each",
+        "time that it is configured does not level off and is no object of Python's; where it goes is not known.",
     ]
     results = {name: results[name] for name in TITLES if name in results}
     lines += ["", "## Worst seen", "", "| attack | what | worst |", "|---|---|---|"]
@@ -236,8 +212,12 @@ def page(kept: Kept) -> str:
     for name, result in results.items():
         if result.violations:
             lines += ["", f"{TITLES[name]}:", ""]
-            lines += [f"- {line}" for line in result.verdict().splitlines() if " × " in line]
+            lines += [_entry(line) for line in result.verdict().splitlines() if " × " in line]
     return "\n".join(lines) + "\n"
+
+
+def _entry(line: str) -> str:
+    return textwrap.fill(f"- {line}", 120, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
 
 
 def _options() -> argparse.ArgumentParser:

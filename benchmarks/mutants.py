@@ -629,16 +629,10 @@ def _page(findings: Findings) -> str:
     lines = [
         "# Mutants",
         "",
-        (
-            "Written by `make mutants` (`python benchmarks/mutants.py`), which changes one place of what guards the "
-            "wire and runs the"
-        ),
-        "tests of that line on it. A mutant that no test notices is listed, or stands with its reason in",
-        (
-            "`benchmarks/mutants_equivalent.yaml` because it changes nothing that anybody could see. Those that were "
-            "tried were drawn at"
-        ),
-        "random from the whole file, and count until the function changes in which they stand.",
+        "Written by `make mutants` (`python benchmarks/mutants.py`), which changes one place of what guards the wire",
+        "and runs the tests of that line on it. A mutant that no test notices is listed, or stands with its reason in",
+        "`benchmarks/mutants_equivalent.yaml` because it changes nothing that anybody could see. Those that were tried",
+        "were drawn at random from the whole file, and count until the function changes in which they stand.",
         "",
         "| source | mutants | equivalent | tried | not noticed |",
         "|---|---|---|---|---|",
@@ -654,7 +648,7 @@ def _page(findings: Findings) -> str:
         row = (len(everything), len(everything) - len(found), len(lives), len(left))
         sums = [a + b for a, b in zip(sums, row, strict=True)]
         lines.append(f"| `{target}.py` | " + " | ".join(map(str, row)) + " |")
-        alive += [f"- `{target}.py`: line {mutant.line}, `{mutant.words}`" for mutant in left]
+        alive += [f"- `{target}.py`: line {mutant.line},\n  `{mutant.words}`" for mutant in left]
     lines.append("| **all of these** | " + " | ".join(map(str, sums)) + " |")
     lines += ["", "## Not noticed", "", *(alive or ["None."])]
     return "\n".join(lines) + "\n"

@@ -299,27 +299,14 @@ def markdown() -> str:
         "",
         "Printed from the declarations by `python -m sma_actuator.config > docs/parameters.md`.",
         "",
-        (
-            "One YAML file serves the node and every tool. A wrong or unknown parameter is refused before any current "
-            "flows, in a"
-        ),
-        (
-            "sentence that names it and its range. **Live** ones can be changed while the wire is driven (`ros2 param "
-            "set`):"
-        ),
-        (
-            "*either* way, or, of what bounds what a wrong command or reading may do, while current may flow only "
-            "*lower*, *higher* or to a *later* choice, which is stricter. What is looser"
-        ),
-        "than the node began with stands in the log and, as `loosened`, in `~/status` and `/diagnostics`.",
-        (
-            "The long lists of `calibration.` and `model.`, which `identify` measures, stand in a file beside it, "
-            "`<name>.tables.npz`, which the"
-        ),
-        (
-            "section `tables` names with its SHA-256: copy both together. One that stands in the YAML by its name "
-            "counts before it."
-        ),
+        "One YAML file serves the node and every tool. A wrong or unknown parameter is refused before any current",
+        "flows, in a sentence that names it and its range. **Live** ones can be changed while the wire is driven",
+        "(`ros2 param set`): *either* way, or, of what bounds what a wrong command or reading may do, while current",
+        "may flow only *lower*, *higher* or to a *later* choice, which is stricter. What is looser than the node began",
+        "with stands in the log and, as `loosened`, in `~/status` and `/diagnostics`. The long lists of `calibration.`",
+        "and `model.`, which `identify` measures, stand in a file beside it, `<name>.tables.npz`, which the section",
+        "`tables` names with its SHA-256: copy both together. One that stands in the YAML by its name counts before",
+        "it.",
     ]
     sections: list[tuple[str, type]] = [("", Config)]
     effects: list[tuple[str, type]] = [("effects.", Effects)]

@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
+from markdown_it import MarkdownIt  # comes with rich
 
 import sma_actuator
 
@@ -33,6 +34,16 @@ def test_a_page_names_only_files_that_exist(page):
 
 def _exists(path):
     return path.exists() or path.with_suffix(".md").exists()
+
+
+@pytest.mark.parametrize("page", [*PAGES, *(ROOT / "docs" / "tutorials").glob("*.md")], ids=lambda page: page.name)
+def test_prose_is_broken_at_120_characters(page):
+    text = page.read_text(encoding="utf-8")
+    blocks = [block.map for block in MarkdownIt().enable("table").parse(text) if block.type == "paragraph_open"]
+    prose = [line for first, end in blocks for line in text.splitlines()[first:end]]
+    assert [
+        line for line in prose if len(line) > 120 and not re.fullmatch(r"\s*`[^`]+`\W?", line)
+    ] == []  # code is whole
 
 
 def test_the_readme_is_read_to_its_end():

@@ -35,14 +35,9 @@ def markdown() -> str:
         "of a computer that lets this program run when it is due: what it does not comes on top, until the supply's",
         "watchdog cuts, `supply.watchdog_timeout` after the last word (`python -m attack lines --beside 2` tries it).",
         "A latched fault switches the output off in the step that detects it, and the output stays off until",
-        (
-            "`~/clear_fault` and then a new `~/enable`. What does not latch passes with its cause. A lost instrument "
-            "latches *until it"
-        ),
-        (
-            "answers*: once both have answered for `safety.reading_timeout`, with the output read back as off, a new "
-            "`~/enable` is enough."
-        ),
+        "`~/clear_fault` and then a new `~/enable`. What does not latch passes with its cause. A lost instrument",
+        "latches *until it answers*: once both have answered for `safety.reading_timeout`, with the output read back",
+        "as off, a new `~/enable` is enough.",
         "",
         (
             "Actions: **clip** brings a value into its range; **note** leaves out what is wrong and goes on; **hold** "

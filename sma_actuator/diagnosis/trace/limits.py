@@ -64,14 +64,9 @@ def markdown() -> str:
     out = [
         "# Limits of tracing",
         "",
-        (
-            "Printed by `python -m sma_actuator.diagnosis.trace.limits > docs/tracing_limits.md`: the constants by "
-            "which a name is given."
-        ),
-        (
-            "[Method](tracing_method.md) says on which sessions they were chosen; σ is a standard deviation of the "
-            "calibration."
-        ),
+        "Printed by `python -m sma_actuator.diagnosis.trace.limits > docs/tracing_limits.md`: the constants by which a",
+        "name is given. [Method](tracing_method.md) says on which sessions they were chosen; σ is a standard deviation",
+        "of the calibration.",
         "",
         "| limit | is | unit | what, and why |",
         "|---|---|---|---|",
