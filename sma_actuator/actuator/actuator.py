@@ -10,25 +10,15 @@ import logging
 from collections.abc import Sequence
 from math import inf, isfinite, nan
 
-from sma_actuator.base.parameters import ConfigError, walk
-from sma_actuator.base.signals import (
-    Branch,
-    Command,
-    Estimate,
-    Output,
-    Quality,
-    Reading,
-    Signals,
-    Status,
-    SupplyState,
-)
+from sma_actuator.base.parameters import live_changes
+from sma_actuator.base.signals import Branch, Command, Estimate, Output, Quality, Reading, Signals, SupplyState
 from sma_actuator.config import Config, require_calibrated
 from sma_actuator.control.commanding import Commanding
 from sma_actuator.estimation.chain import ESTIMATOR_RESET, Chain
-from sma_actuator.estimation.circuit import is_driven, signals_from_reading, without_undriven
+from sma_actuator.estimation.circuit import signals_from_reading, without_undriven
 from sma_actuator.estimation.health import ModelHealth
 from sma_actuator.estimation.uncertainty import Uncertainty
-from sma_actuator.safety.faults import FAULTS, gravest
+from sma_actuator.safety.faults import FAULTS
 from sma_actuator.safety.guards.estimate import estimate_invalid
 from sma_actuator.safety.guards.program import unhandled_exception
 from sma_actuator.safety.records import NOT_WAITED, Fault, Limit, Step, Waited
@@ -37,7 +27,7 @@ from sma_actuator.safety.supervisor import Supervisor
 from .following import Following, Seen
 from .measured import Measured
 from .offered import Offered
-from .said import Said, status_of, words_of_latched
+from .said import Said, refusal_to_enable, status_of, words_of_latched
 from .tuner import Tuner
 
 _log = logging.getLogger(__name__)
@@ -69,7 +59,6 @@ class Actuator:
         self._signals = _NOTHING
         self._estimate = _NO_ESTIMATE
         self._told = Command(0.0, False)
-        self._power_W = 0.0
         self._limit_A = 0.0  #: highest current that heat and stress leave
 
     # --- what others may ask ----------------------------------------------------------------------
@@ -82,17 +71,10 @@ class Actuator:
             self._commanding.switch_off()
             self._end_tuning("the output was switched off")
             return True, "the output is off"
-        latched = self._supervisor.latched
-        if latched is not None:
-            then = "ask again once it answers" if latched.until_back else "call ~/clear_fault first"
-            return False, f"not enabled: {words_of_latched(self._supervisor)}; {then}"
-        if self._commanding.is_driven:
+        if self._commanding.is_driven and not self.latched:
             return True, "the output is on already"
-        present = self._supervisor.present
-        blocking = [fault for fault in present if fault.prevents_enabling]
-        if blocking:
-            fault = gravest(blocking)
-            return False, f"not enabled: {fault.words}: {present[fault]}"
+        if refusal := refusal_to_enable(self._supervisor):
+            return False, f"not enabled: {refusal}"
         if not self._is_fresh(now_s):
             return False, "not enabled: there is no reading of the DAQ yet"
         self._commanding.enable()
@@ -236,13 +218,7 @@ class Actuator:
 
         Raises ConfigError where a parameter differs that is not live; nothing is taken over then.
         """
-        before = {name: repr(value) for name, value, *_ in walk(self._config)}
-        wanted = {name: (repr(value), declaration.live) for name, value, declaration, _ in walk(config)}
-        differing = {name: live for name, (value, live) in wanted.items() if value != before.get(name)}
-        changed = [name for name, live in differing.items() if not live]
-        if changed:
-            raise ConfigError([f"{name}: cannot be changed while the actuator runs; start it anew" for name in changed])
-        self._said.changed(*(f"{name} {before[name]} -> {wanted[name][0]}" for name in differing))
+        self._said.changed(*live_changes(self._config, config))
         if config.controller != self._config.controller:
             if self._tuner.running is not None:
                 self._commanding.stop()
@@ -284,11 +260,11 @@ class Actuator:
         if reading is not None:
             self._sense(reading)
         elif supply is not None and not supply.output_on:
-            self._power_W = 0.0  # without either, the current may well flow on
+            self._measured.power_W = 0.0  # without either, the current may well flow on
         signals = self._signals
         shown_Ohm = signals.resistance_Ohm if reading is not None else nan
         supervisor.keep_heat(
-            self._power_W, signals.current_A, dt_s, signals.ambient_temperature_C, shown_Ohm, signals.load_N
+            self._measured.power_W, signals.current_A, dt_s, signals.ambient_temperature_C, shown_Ohm, signals.load_N
         )
 
         driven = self._commanding.is_driven
@@ -348,7 +324,18 @@ class Actuator:
     ) -> Output:
         """What this step has to say, with what has changed since the one before."""
         changes, tuned = self._said.take_changes(self._supervisor), self._tuner.take_found()
-        status = self._status(faults, limits)
+        status = status_of(
+            faults,
+            limits,
+            self._limit_A,
+            self._supervisor,
+            self._commanding,
+            self._signals,
+            self._estimate,
+            self._following,
+            self._offered.joint_commands,
+            self._tuner,
+        )
         return Output(
             self._signals,
             self._estimate,
@@ -370,24 +357,11 @@ class Actuator:
             signals_from_reading(reading, config, self._measured.tare_N), config.supply.bias_current
         )
         self._signals, estimate = self._chain.step(calibrated)
-        self._estimate = Estimate(
-            estimate.time_s,
-            estimate.displacement_m,
-            estimate.strain,
-            estimate.velocity_m_s,
-            estimate.branch,
-            estimate.quality,
-            self._uncertainty.step(self._signals, estimate),
-        )
+        self._estimate = estimate.with_uncertainty(self._uncertainty.step(self._signals, estimate))
         self._following.sense(self._signals, self._estimate, reading.time_s - before_s)
         if self._health.step(self._signals, self._estimate):
             self._said.changed(f"model health: {self._health.verdict.words}")
-        self._measured.note_load(self._signals.load_N)
-        self._power_W = 0.0
-        if is_driven(calibrated.current_A, config.supply.bias_current):
-            # Leads and leaks count with the wire: the heat balance errs on the hot side.
-            self._power_W = calibrated.current_A * max(reading.supply_voltage_V - reading.reference_voltage_V, 0.0)
-            self._measured.note_current(reading)
+        self._measured.note(reading, calibrated.current_A, self._signals.load_N, config.supply.bias_current)
 
     def _late(self, reading: Reading | None, supply: SupplyState | None) -> bool:
         """Whether an instrument has not answered, and has not done so for longer than an answer may take."""
@@ -409,17 +383,3 @@ class Actuator:
     def _is_fresh(self, now_s: float) -> bool:
         """Whether the last usable reading is no older than readings may be."""
         return now_s - self._reading_s <= self._config.safety.reading_timeout
-
-    def _status(self, faults: dict[Fault, str], limits: set[Limit]) -> Status:
-        return status_of(
-            faults,
-            limits,
-            self._limit_A,
-            self._supervisor,
-            self._commanding,
-            self._signals,
-            self._estimate,
-            self._following,
-            self._offered.joint_commands,
-            self._tuner,
-        )

@@ -1,4 +1,5 @@
-"""What the last readings measure of the circuit itself: the drift of the load cell, the resistance of the leads."""
+"""What the last readings measure of the circuit itself: its power, the drift of the load cell, the resistance of the
+leads."""
 
 from __future__ import annotations
 
@@ -8,6 +9,7 @@ from math import nan
 
 from sma_actuator.base.signals import Reading
 from sma_actuator.config import Config
+from sma_actuator.estimation.circuit import is_driven
 
 #: Readings that a measurement averages, at the most.
 AVERAGED_READINGS = 20
@@ -22,6 +24,7 @@ class Measured:
 
     def __init__(self) -> None:
         self.tare_N = 0.0
+        self.power_W = 0.0  #: of wire, leads and leaks: the heat balance errs on the hot side
         #: Loads of the last readings, as they would be without a tare.
         self._loads_N: collections.deque[float] = collections.deque(maxlen=AVERAGED_READINGS)
         #: Those with current since the output went on; they outlast it.
@@ -31,13 +34,13 @@ class Measured:
         """The output goes on: the leads are measured anew."""
         self._with_current.clear()
 
-    def note_load(self, load_N: float) -> None:
-        """Take the load of a reading, with the tare taken off."""
+    def note(self, reading: Reading, current_A: float, load_N: float, bias_current_A: float) -> None:
+        """Take a reading, and its current [A] and load [N] with the tare taken off."""
         self._loads_N.append(load_N + self.tare_N)
-
-    def note_current(self, reading: Reading) -> None:
-        """Take a reading in which current flowed."""
-        self._with_current.append(reading)
+        self.power_W = 0.0
+        if is_driven(current_A, bias_current_A):
+            self.power_W = current_A * max(reading.supply_voltage_V - reading.reference_voltage_V, 0.0)
+            self._with_current.append(reading)
 
     def tare(self, config: Config, fresh: bool) -> tuple[bool, str]:
         """Take the mean load for zero, where the last reading is ``fresh``; whether that was done, and a sentence."""

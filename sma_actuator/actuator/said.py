@@ -40,6 +40,19 @@ def words_of_latched(supervisor: Supervisor) -> str:
     return f"{supervisor.latched.words} ({supervisor.detail})" if supervisor.latched is not None else ""
 
 
+def refusal_to_enable(supervisor: Supervisor) -> str:
+    """Why no current may flow, as far as faults are the reason; "" where none is."""
+    latched, present = supervisor.latched, supervisor.present
+    if latched is not None:
+        then = "ask again once it answers" if latched.until_back else "call ~/clear_fault first"
+        return f"{words_of_latched(supervisor)}; {then}"
+    blocking = [fault for fault in present if fault.prevents_enabling]
+    if not blocking:
+        return ""
+    fault = gravest(blocking)
+    return f"{fault.words}: {present[fault]}"
+
+
 class Said:
     """What no output has told yet, and what is told for a while."""
 

@@ -369,6 +369,20 @@ def walk(instance: Any, prefix: str = "") -> Iterator[tuple[str, Any, Declaratio
             yield from walk(value, f"{prefix}{field.name}.")
 
 
+def live_changes(before: Any, after: Any) -> list[str]:
+    """ "name old -> new" of every parameter that differs between two of the same section.
+
+    Raises ConfigError where one of them cannot be changed while the actuator runs.
+    """
+    old = {name: repr(value) for name, value, *_ in walk(before)}
+    differing = [(name, repr(value), declaration) for name, value, declaration, _ in walk(after)]
+    differing = [each for each in differing if each[1] != old.get(each[0])]
+    fixed = [name for name, _, declaration in differing if not declaration.live]
+    if fixed:
+        raise ConfigError([f"{name}: cannot be changed while the actuator runs; start it anew" for name in fixed])
+    return [f"{name} {old.get(name)} -> {value}" for name, value, _ in differing]
+
+
 def loosened(before: Any, after: Any) -> list[tuple[str, str, Declaration]]:
     """Name, "old → new" and declaration of every parameter of a section that guards less than ``before``."""
     old = {name: value for name, value, declaration, _ in walk(before) if declaration.stricter}

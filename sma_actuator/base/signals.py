@@ -93,6 +93,18 @@ class Estimate:
     quality: Quality
     uncertainty_m: float = nan  #: half of the 95 % interval; NaN where the model has none
 
+    def with_uncertainty(self, uncertainty_m: float) -> Estimate:
+        """The same, as far off as ``uncertainty_m`` [m] at the most."""
+        return Estimate(
+            self.time_s,
+            self.displacement_m,
+            self.strain,
+            self.velocity_m_s,
+            self.branch,
+            self.quality,
+            uncertainty_m,
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class JointEstimate:

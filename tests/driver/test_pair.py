@@ -54,7 +54,9 @@ class Rig:
         return [bench.supply.output_on for bench in self.stand.benches]
 
     def status(self, number):
-        return self.pair.wires[number].driver.call(lambda actuator, _: actuator._status({}, set()))
+        return self.pair.wires[number].driver.call(
+            lambda actuator, _: actuator._output({}, set(), math.nan, None).status
+        )
 
     def switch_on(self):
         done, words = self.pair.switch_on()
