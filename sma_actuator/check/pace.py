@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_actuator.base.sections import Loop
 from sma_actuator.config import BenchConfig
 from sma_actuator.instruments import INSTRUMENTS_SHARE, highest_rate_Hz
 
@@ -16,6 +17,7 @@ TIMEOUT_TIMES = 2.0
 #: Where the supply leaves the DAQ no time within a step, its block is to take this share of the supply's.
 DAQ_SHARE = 0.5
 LEAST_RATE_Hz = 1.0  #: of loop.rate
+USUAL_RATE_Hz = Loop().rate
 RATE_SHARE = 0.9  #: of the highest rate, that is advised: the next ten steps take a little longer than these
 
 
@@ -57,11 +59,19 @@ class Pace:
         return self.rate_Hz > self.most_Hz * (1.0 + 1e-9)
 
     @property
+    def could_be_twice_as_quick(self) -> bool:
+        """Whether the loop reads less than half as often as it could and usually does, as after a block was made
+        shorter."""
+        return not self.wanted and self.rate_Hz <= 0.5 * min(RATE_SHARE * self.most_Hz, USUAL_RATE_Hz)
+
+    @property
     def sentence(self) -> str:
         """All of it in words."""
         said = f"a step takes the supply {self.supply_s * 1e3:.3g} ms and the DAQ {self.daq_s * 1e3:.3g} ms"
         if not self.wanted:
-            return f"{said}, so loop.rate can be {self.most_Hz:.3g} Hz at the most; it is {self.rate_Hz:g} Hz"
+            quicker_Hz = min(_down(RATE_SHARE * self.most_Hz), USUAL_RATE_Hz) if self.could_be_twice_as_quick else 0.0
+            write = f"; write loop.rate: {quicker_Hz:g}, which follows a quick wire better" if quicker_Hz else ""
+            return f"{said}, so loop.rate can be {self.most_Hz:.3g} Hz at the most; it is {self.rate_Hz:g} Hz{write}"
         wanted = ", ".join(f"{name}: {value:g}" for name, value in self.wanted.items())
         return f"{said}, too long for loop.rate, {self.rate_Hz:g} Hz, or the time-outs; write {wanted}"
 

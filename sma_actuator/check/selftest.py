@@ -304,7 +304,8 @@ class SelfTest:
         if pace.too_slow:
             self._wrong("speed", pace.sentence)
         else:
-            self._say("speed", pace.sentence, Level.WARNING if pace.is_tight else Level.OK)
+            look = pace.is_tight or pace.could_be_twice_as_quick
+            self._say("speed", pace.sentence, Level.WARNING if look else Level.OK)
 
     def _load(self, values: dict[str, np.ndarray]) -> None:
         cell, wire = self._config.load_cell, self._config.wire

@@ -66,14 +66,16 @@ _NEEDED_PLACEHOLDERS = {
     "supply": dict.fromkeys(
         ("set_current", "set_voltage", "set_over_voltage", "set_over_current", "arm_watchdog"), "value"
     ),
-    "daq": {"prepare": "channels"},
+    "daq": {},
 }
+#: Where a DAQ may be told which channels are read: as it takes them, once or with every reading.
+_SAYS_CHANNELS = ("commands.prepare", "commands.before_read", "queries.read")
 _NEEDED: dict[str, dict[str, tuple[str, ...]]] = {
     "supply": {
         "commands": ("output_on", "output_off", "set_current", "set_voltage"),
         "queries": ("output", "voltage", "current"),
     },
-    "daq": {"commands": ("prepare",), "queries": ("read",)},
+    "daq": {"commands": (), "queries": ("read",)},
 }
 _KEYS_OF_ALL = {
     *("kind", "family", "source", "notes", "identity", "termination", "answer_termination", "acknowledgement"),
@@ -167,6 +169,8 @@ class Dialect:
         commands = _commands(document, kind, problems)
         queries = _queries(document, kind, problems)
         trips = _trips(document.get("trips", {}), problems)
+        if kind == "daq" and not problems and not _says_channels(commands, queries):
+            problems.append(f"{', '.join(_SAYS_CHANNELS)}: none has the placeholder {{channels}}: what would be read?")
         if {"arm_watchdog", "disarm_watchdog"} & set(commands):
             problems += _wrong_watchdog(document, queries)
         span, step_s = document.get("watchdog_range_s"), document.get("watchdog_step_s", 0.0)
@@ -246,7 +250,7 @@ class Dialect:
 
 def _section(document: Mapping[str, Any], group: str, kind: str, known: Collection[str], problems: list[str]) -> dict:
     """The entries of a group that there may be, with the standard ones; what is wrong goes to ``problems``."""
-    entries = document.get(group)
+    entries = document.get(group, None if _NEEDED[kind][group] else {})
     if not isinstance(entries, Mapping):
         problems.append(f"{group}: missing; a section of texts is wanted")
         entries = {}
@@ -279,6 +283,11 @@ def _queries(document: Mapping[str, Any], kind: str, problems: list[str]) -> dic
         for name, entry in _section(document, "queries", kind, known, problems).items()
     }
     return {name: query for name, query in read.items() if query is not None}
+
+
+def _says_channels(commands: Mapping[str, Command], queries: Mapping[str, Query]) -> bool:
+    texts = [*(text for name in commands for text in commands[name].texts), queries["read"].text]
+    return any("{channels" in text for text in texts)
 
 
 def _trips(entries: Any, problems: list[str]) -> dict[str, Query]:

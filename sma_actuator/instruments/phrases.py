@@ -26,12 +26,14 @@ _YES = {"on", "yes", "true"}
 _YAMLS_WORDS = {True: "yes", False: "no"}  #: what YAML makes of the bare words as keys
 _NO = {"off", "no", "false"}  #: not the empty answer: it proves nothing
 
+SEPARATORS = (",", ";", "\t", " ")  #: what may stand between the numbers of a DAQ's answer
+
 #: What the answer of a query is → the entries that say how it is read, beside ``ask``.
 READINGS = {
     "text": ("answer",),
     "number": ("answer", "field", "base", "scale"),
-    "numbers": ("answer", "scale"),
-    "code": ("answer", "field", "base"),
+    "numbers": ("answer", "scale", "separator"),
+    "code": ("answer", "field", "base", "none"),
     "truth": ("answer", "field", "base", "mask", "yes", "no"),
     "words": ("answer", "field"),
 }
@@ -84,6 +86,8 @@ class Query:
     )
     yes: Pattern | None = None
     no: Pattern | None = None
+    separator: str = ","  #: of a list of numbers; a blank: any number of blanks
+    none: Pattern | None = None  #: the answer where there is no error, of one that says so in words
 
     @classmethod
     def read(cls, name: str, entry: Any, allowed: Collection[str], reading: str, problems: list[str]) -> Self | None:
@@ -140,11 +144,16 @@ class Query:
 
     def numbers(self, reply: str) -> list[float]:
         """A list of numbers; raises ValueError for an answer that is none."""
-        return [self.number(part) for part in reply.split(",")]
+        return [self.number(part) for part in reply.split(self.separator.strip(" ") or None)]
 
     def code(self, reply: str) -> int:
-        """The whole number at the beginning of an answer; raises ValueError where there is none."""
+        """The whole number at the beginning of an answer, 0: no error; raises ValueError where there is none.
+
+        Of one that says errors in words: 0 or 1.
+        """
         value = self.value(reply)
+        if self.none is not None:
+            return 0 if self.none.fullmatch(value) else 1
         return _integer(value if self.field or self.answer else value.split(",")[0].strip(), self.base)
 
     def truth(self, reply: str) -> bool:
@@ -182,7 +191,10 @@ def number(reply: str) -> float:
     """
     if "_" in reply:  # Python's own way to write numbers
         raise ValueError(f"'{reply}' is not a number")
-    value = float(reply)
+    try:
+        value = float(reply)
+    except ValueError:
+        raise ValueError(f"'{reply}' is not a number") from None
     if isfinite(value) and abs(value) >= 9.9e37:
         return nan if abs(value) > 9.905e37 else copysign(inf, value)
     return value
@@ -225,12 +237,14 @@ def _counts(value: Any) -> bool:
     return isinstance(value, int) and not isinstance(value, bool) and value > 0
 
 
-_PATTERNS = ("answer", "yes", "no")
+_PATTERNS = ("answer", "yes", "no", "none")
 #: Entry → whether a value will do, and what is wanted.
 _QUERY_CHECKS: dict[str, tuple[Callable[[Any], bool], str]] = {
     "answer": (lambda value: pattern_or_none(value) is not None, "a regular expression for the whole line"),
     "yes": (lambda value: pattern_or_none(value) is not None, "a regular expression, in quotes,"),
     "no": (lambda value: pattern_or_none(value) is not None, "a regular expression, in quotes,"),
+    "none": (lambda value: pattern_or_none(value) is not None, "a regular expression, in quotes,"),
+    "separator": (lambda value: value in SEPARATORS, f"one of {', '.join(map(repr, SEPARATORS))}"),
     "field": (_counts, "the number of a field, from 1 on,"),
     "base": (lambda value: value in (10, 16), "10 or 16"),
     "scale": (lambda value: not _not_a_scale("", value), "a number that is not zero"),

@@ -218,8 +218,8 @@ class Session:
                 if not text or not text.replace("\t", " ").isprintable():
                     raise ValueError
                 value = read(text)
-            except ValueError:
-                raise self.garbled(line, text) from None
+            except ValueError as error:
+                raise self.garbled(line, text, str(error)) from None
             self._answered = True
             self._answers += 1
             self._told.clear()
@@ -262,10 +262,11 @@ class Session:
         self.close()
         return InstrumentLost(f"{self.name}: {why}")
 
-    def garbled(self, line: str, reply: str) -> InstrumentLost:
+    def garbled(self, line: str, reply: str, why: str = "") -> InstrumentLost:
         """The error for an answer that is none; the connection is given up, since its order is lost."""
+        reading = f" ({_shown(why)}; its dialect says how to read it: answer, field, yes and no)" if why else ""
         return self.give_up(
-            f"answered '{_shown(reply)}' to '{line}', which is not an answer to that{self._advice(reply)}"
+            f"answered '{_shown(reply)}' to '{line}', which is not an answer to that{reading}{self._advice(reply)}"
         )
 
     def _advice(self, said: str) -> str:

@@ -55,7 +55,13 @@ def test_a_daq_that_is_slow_by_its_long_blocks_gets_shorter_ones_and_then_a_high
     config = bench_from_mapping(with_written(MAPPING, pace.wanted))
     share = config.loop.samples_per_block / BENCH.loop.samples_per_block
     assert share < 0.1
-    assert Pace.of([(0.01, share * 0.6)] * 10, config).most_Hz > 0.9 * BENCH.loop.rate > 5.0 * config.loop.rate
+    again = Pace.of([(0.01, share * 0.6)] * 10, config)
+    assert again.most_Hz > 0.9 * BENCH.loop.rate > 5.0 * config.loop.rate
+    assert again.could_be_twice_as_quick
+    _, _, written = again.sentence.partition("; write loop.rate: ")
+    quicker = bench_from_mapping(with_written(MAPPING, {"loop.rate": float(written.partition(",")[0])}))
+    last = Pace.of([(0.01, share * 0.6)] * 10, quicker)
+    assert not last.too_slow and not last.is_tight and not last.could_be_twice_as_quick
 
 
 def test_of_instruments_slower_than_their_time_outs_check_says_what_to_write_and_then_they_pass():

@@ -13,7 +13,7 @@ from sma_actuator.config import Config
 from sma_actuator.instruments import InstrumentRefused, dialect, open_daq, open_supply
 from sma_actuator.instruments.clock import MonotonicClock
 from sma_actuator.instruments.dialect import FOLDER, GROUP, Dialect
-from sma_actuator.instruments.phrases import yes
+from sma_actuator.instruments.phrases import Query, yes
 
 SHIPPED = sorted((path.stem, yaml.safe_load(path.read_text())["kind"]) for path in FOLDER.glob("*.yaml"))
 
@@ -291,7 +291,23 @@ def test_a_daq_that_is_not_told_its_channels_is_refused(tmp_path):
     document = yaml.safe_load((FOLDER / "virtual_bench_daq.yaml").read_text())
     document["commands"]["prepare"] = "ROUT:SCAN (@101)"
     (tmp_path / "mine.yaml").write_text(yaml.safe_dump(document))
-    with pytest.raises(ConfigError, match=r"commands.prepare: .* has no placeholder \{channels\}"):
+    with pytest.raises(ConfigError, match=r"prepare, .*read: none has the placeholder \{channels\}"):
+        Dialect.load(str(tmp_path / "mine.yaml"), "daq")
+
+
+@pytest.mark.parametrize("mark", [",", ";", "\t", " "])
+def test_a_converter_that_takes_its_channels_with_each_reading_needs_no_preparation(tmp_path, mark):
+    read = {"ask": "r {channels} {samples}", "scale": 0.001, "separator": mark}
+    document = {"kind": "daq", "queries": {"identity": None, "read": read}}
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(document))
+    dialect = Dialect.load(str(tmp_path / "mine.yaml"), "daq")
+    queries, _ = dialect.asked(channels="1,2,3", samples=4, readings=12)
+    assert queries["read"].text == "r 1,2,3 4"
+    assert queries["read"].numbers(mark.join(["1500.0", "-2.5", "0"])) == pytest.approx([1.5, -0.0025, 0.0])
+    assert Query("r").numbers("1,2") == [1.0, 2.0]
+    read["separator"] = "ab"
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(document))
+    with pytest.raises(ConfigError, match="queries.read.separator: 'ab'; one of ',', ';', .* is wanted"):
         Dialect.load(str(tmp_path / "mine.yaml"), "daq")
 
 

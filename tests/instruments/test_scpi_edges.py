@@ -208,6 +208,20 @@ class TestSupply:
         with pytest.raises(InstrumentLost, match="to ':SYST:ERR\\?', which is not an answer to that"):
             one.open()
 
+    @pytest.mark.parametrize("said", ["No Error.", "Undefined Header."])
+    def test_one_that_says_errors_in_words_is_believed_by_its_word_for_none(self, supply, said):
+        words = {"ask": ":SYST:ERR?", "none": r"No Error\."}
+        one, server = supply(lambda document: document["queries"].update(error=words))
+        server.replies[":SYST:ERR?"] = said
+        with pytest.raises(InstrumentRefused, match=said) if "Undefined" in said else contextlib.nullcontext():
+            one.open()
+
+    def test_an_answer_in_another_shape_says_what_is_wrong_with_it_and_where_that_is_mended(self, supply):
+        one, server = supply()
+        server.replies[":VOLT?"] = "8.000V"
+        with pytest.raises(InstrumentLost, match="'8.000V' is not a number; its dialect says how to read it: answer"):
+            one.open()
+
     def test_one_that_says_who_it_is_and_errors_on_all_else_is_lost_and_off_was_said(self, supply):
         one, server = supply(lambda document: document["queries"].pop("error"))
         server.replies |= {query: '-113,"Undefined header"' for query in SUPPLY if query != "*IDN?"}
