@@ -90,19 +90,29 @@ class Driven:
             for i, (a, r, n) in enumerate(zip(self.current_A, self.resistance_Ohm, rng.standard_normal(count)))
         ]
         self.actuator = Actuator(config)
+        self.sensor = config.reference_sensor
         self.told = SupplyState(0.0, 0.0, False, 0.0, 0.0)
-        self.actuator.step(0.0, self.readings[0], self.told)
+        self.said = self.actuator.step(0.0, self.readings[0], self.told)
         self.actuator.enable(0.0, True)
 
     def step(self, i: int) -> None:
         """The whole step of that number."""
         a, noise_V = self.told.current_setting_A, self.readings[i].load_cell_voltage_V - 0.081
         voltage_V = a * float(self.resistance_Ohm[i] + 1.25)
-        reading = Reading(0.05 * i, voltage_V + noise_V, a + noise_V, 0.081 + noise_V, 0.015, 22.0)
+        # where the wire is estimated to be, else the displacement sensor would contradict that
+        lvdt_A = (self.said.estimate.displacement_m - self.sensor.offset) / self.sensor.slope
+        reading = Reading(0.05 * i, voltage_V + noise_V, a + noise_V, 0.081 + noise_V, lvdt_A, 22.0 + noise_V)
         shown_V = DIGIT_V * round(voltage_V / DIGIT_V)
         state = SupplyState(0.05 * i, a, self.told.output_on, shown_V, a)
-        command = self.actuator.step(0.05 * i, reading, state).command
+        self.said = self.actuator.step(0.05 * i, reading, state)
+        command = self.said.command
         self.told = SupplyState(0.05 * i, command.current_A, command.output_on, shown_V, command.current_A)
+
+    def check(self) -> None:
+        """Raise AssertionError where it was not driven to the end, or something is wrong: the words of a fault take
+        time."""
+        assert self.told.output_on, self.said.status.message
+        assert not self.said.status.fault, self.said.status.message
 
 
 def pieces() -> dict[str, dict[str, float]]:
@@ -161,7 +171,7 @@ def _pieces(inside: bool) -> dict[str, dict[str, float]]:
                 time.sleep(rest_s)
             driven.step(i)
             nothing()
-        assert driven.told.output_on, "the wire was not driven to the end"
+        driven.check()
         none_s = statistics.median(seconds["nothing"])
         return {name: 1e6 * (statistics.median(times) - none_s) for name, times in seconds.items()}
 
@@ -224,7 +234,7 @@ def alone() -> dict[str, dict[str, float]]:
             start_s = time.thread_time()
             call(i)
             rested[name].append(time.thread_time() - start_s)
-    assert driven.told.output_on, "the wire was not driven to the end"
+    driven.check()
     base = seconds["simple-pid call"]
     rows = {
         name: {
