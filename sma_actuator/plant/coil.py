@@ -164,7 +164,7 @@ def _pull(c, rings, strain):
     return c.torsion_m2 * mean, c.torsion_m2 * slope
 
 
-@inlined
+@jit
 def _mechanics(c, whole, rings, force_N, stiffness_N_m, spring_at_m):
     """The strain at which coil and load pull alike, displacement and resistance, into ``whole``; a coil does not
     push."""

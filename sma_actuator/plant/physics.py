@@ -252,7 +252,7 @@ def _cells(wire: Specimen) -> tuple[np.ndarray, np.ndarray]:
     return 2.0 * lengths_m / wire.length_m, 2.0 * conductivity_W_mK * area_m2 / distances_m
 
 
-@inlined
+@jit
 def martensite_at(x, bands, memory, fraction, temperature_C, stress_Pa, shift, commit):
     """Martensite fraction at a temperature and stress; ``memory`` changes only if ``commit``."""
     return martensite_after(x.family, bands, memory, fraction, temperature_C, stress_Pa, shift, commit)
@@ -350,7 +350,7 @@ def enthalpy_of(x, martensite, r_share, temperature_C):
 def _excess(temperature_C, of):
     """By how much the heat content at a temperature exceeds what it is to be, transforming as it must."""
     x, bands, memory_m, memory_r, martensite, r_share, stress_Pa, shift, enthalpy_J = of
-    m = martensite_at(x, bands, memory_m, martensite, temperature_C, stress_Pa, shift, False)
+    m = martensite_after(x.family, bands, memory_m, martensite, temperature_C, stress_Pa, shift, False)
     r = r_share_at(x, bands, memory_r, r_share, temperature_C, stress_Pa, shift, False)
     return enthalpy_of(x, m, r, temperature_C) - enthalpy_J
 
