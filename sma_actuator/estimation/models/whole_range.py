@@ -258,7 +258,8 @@ def _learned(n: Numbers, out: np.ndarray) -> None:
     z, linear, hidden, units = n.z, n.linear, n.hidden, n.units
     learners = linear.shape[0]
     each = len(units) // learners
-    units[:] = n.bias
+    for k in range(len(units)):
+        units[k] = n.bias[k]  # one by one: to copy it whole takes two seconds more to compile
     for j in range(len(z)):
         for k in range(len(units)):
             units[k] += hidden[j, k] * z[j]
