@@ -5,12 +5,13 @@ from __future__ import annotations
 import atexit
 import contextlib
 import copy
+import fcntl
 import itertools
 import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -18,6 +19,7 @@ from hypothesis import HealthCheck, settings
 from left_behind import end_with_this_process
 from rig import Rig
 
+from sma_actuator.base.jit import COMPILED
 from sma_actuator.base.share import shared_file
 from sma_actuator.config import Config
 
@@ -105,6 +107,20 @@ _RECKONING = (
 )
 
 
+#: What takes longest as one scope, of both kinds: begun last it would leave the other workers with nothing to do.
+_LONGEST = (
+    "tests/diagnosis/trace/test_trace.py",
+    "tests/ros/test_node.py",
+    "tests/identify/test_whole_range.py",
+    "tests/test_first_steps.py",
+    "tests/identify/test_identify.py",
+    "tests/base/test_jit.py",
+    "tests/safety/test_hot_end.py",
+    "tests/test_examples.py",
+    "tests/test_state_machine.py",
+    "tests/identify/test_characterise_prompts.py",
+)
+
 #: What many tests call first: the bench, and each model's estimate of many samples and of one.
 _WANTED_BY_MANY = (
     "from sma_actuator.bench.server import BenchServer, VirtualBench as B; BenchServer(B.from_name('flexinol'))",
@@ -137,15 +153,39 @@ def nothing_outlives_the_tests() -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Classes and files that wait and that reckon in turn, then all others: so no worker is left alone with the
-    longest."""
+    """The longest classes and files, those that wait and that reckon in turn, then all others: so no worker is left
+    alone with one of them."""
     scopes: dict[str, list[pytest.Item]] = {}
     for item in items:
         scopes.setdefault(item.nodeid.rpartition("::")[0], []).append(item)
     waiting, reckoning = ([name for name in scopes if name.startswith(rooms)] for rooms in (_WAITING, _RECKONING))
     mixed = [name for pair in itertools.zip_longest(waiting, reckoning) for name in pair if name is not None]
-    others = [name for name in scopes if name not in set(mixed)]
-    items[:] = [item for name in mixed + others for item in scopes[name]]
+    longest = [name for name in _LONGEST if name in scopes]
+    items[:] = [item for name in dict.fromkeys([*longest, *mixed, *scopes]) for item in scopes[name]]
+
+
+@pytest.fixture(scope="session", autouse=_WORKER != "" and COMPILED)
+def in_turn(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """A kernel that another worker is compiling is waited for, and then read: to compile it takes each as long."""
+    from numba.core.compiler_lock import global_compiler_lock
+    from numba.core.dispatcher import Dispatcher
+
+    folder = tmp_path_factory.getbasetemp().parent / "compiling"
+    folder.mkdir(exist_ok=True)
+    compile_for = Dispatcher.compile
+
+    def compile_in_turn(kernel: Any, types: Any) -> Any:
+        function = kernel.py_func
+        if not function.__module__.startswith("sma_actuator."):
+            return compile_for(kernel, types)
+        # First the lock that threads share: one that waits for it must not hold what the thread that has it will want.
+        with global_compiler_lock, (folder / f"{function.__module__}.{function.__qualname__}").open("w") as turn:
+            fcntl.flock(turn, fcntl.LOCK_EX)
+            return compile_for(kernel, types)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Dispatcher, "compile", compile_in_turn)
+        yield
 
 
 @pytest.fixture(scope="session")
