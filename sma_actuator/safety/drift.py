@@ -32,8 +32,9 @@ FLOOR_A = 1e-3  #: the step of the coarsest supplies that may be driven
 FLOOR_V = 10e-3  #: by how much a supply's voltmeter may wander, beside its scale and the step of its digits
 ZERO_V = 50e-3  #: its zero may be off by so much; that stands still
 #: Standard deviations of what is late at random, where that is known by what comes early or late: by chance one mean in
-#: a million is farther off.  Of a meter with a time of its own, always late at random, one has to do: with more nothing
-#: is left of a slow drift while the wire moves.
+#: a million is farther off.  One has to do for what each reading is late by in any case, of a meter with a time of its
+#: own, or of a DAQ whose readings come on time: a command comes a little sooner or later before the reading, within the
+#: supply's rise or fall, which take unequal times.  With more nothing is left of a slow drift while the wire moves.
 CHANCE = 5.0
 SCALE = 0.015  #: what the scales of both may differ by, beside a drift
 STANDS_A = 0.25 * FLOOR_A  #: by how much a current that stands differs in the DAQ's eyes
@@ -230,7 +231,8 @@ def _apart(
     rows[row + _TIME], rows[row + _ONE], rows[row + _OTHER] = now_s, one, other
     rows[row + _MEAN], rows[row + _MEAN + 1], rows[row + _NEW] = current, daq, 1.0 if is_new else 0.0
     _look_back(rows, last, lag_s, from_one, from_other)
-    rows[row + _LATE] = _late(rows, last, is_new) ** 2 * (CHANCE**2 * state[_ODD] if kind[_ODD_COUNTS] > 0.0 else 1.0)
+    its_own = max(1.0, CHANCE**2 * state[_ODD]) if kind[_ODD_COUNTS] > 0.0 else 1.0
+    rows[row + _LATE] = _late(rows, last, is_new) ** 2 * its_own
     _add(rows, state, last)
     seen_s = now_s - state[_SINCE_s]
     if isfinite(stands) and seen_s < WINDOW_s + lag_s:
@@ -261,8 +263,8 @@ class Apart:
     def __init__(self, lag_s: float, floor: float, zero: float, stands: float, odd_counts: bool) -> None:
         """One may be ``lag_s`` behind the other; ``floor`` of a drift, and the error of ``zero`` that stands still.
 
-        What differs by less than ``stands`` is seen at once to stand; NaN: never.  ``odd_counts``: one that comes when
-        it usually does is late by none.
+        What differs by less than ``stands`` is seen at once to stand; NaN: never.  ``odd_counts``: one that comes
+        early or late is late by more at random.
         """
         self._kind = floats(_KIND)
         self._kind[:] = lag_s, floor, zero, stands, float(odd_counts)
