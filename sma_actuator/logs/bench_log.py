@@ -312,7 +312,10 @@ def check_bench_log(log: BenchLog, allow_gaps: bool = False) -> None:
         raise BenchLogError(f"{source}: line 1: {_missing_column(('time_s',), log)}")
     electrical_columns(log)
     if not any(name in log for name in LOAD):
-        raise BenchLogError(f"{source}: line 1: {_missing_column(LOAD, log)}")
+        raise BenchLogError(
+            f"{source}: line 1: {_missing_column(LOAD, log)}; of one weight all the time its number will do, as "
+            "--map load_N=0.98"
+        )
     if len(log) == 0:
         raise BenchLogError(f"{source}: line {first}: there are no readings after the header row")
     time_s = log["time_s"]

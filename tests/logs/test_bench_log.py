@@ -102,7 +102,7 @@ def cut(text, n):
         ),
         pytest.param(
             HEADER.replace("load_cell_voltage_V", "x") + "\n" + rows(),
-            ["load_cell_voltage_V or load_N"],
+            ["load_cell_voltage_V or load_N", "--map load_N=0.98"],
             id="missing column",
         ),
         pytest.param(
