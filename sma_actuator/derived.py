@@ -106,6 +106,13 @@ def derived(mapping: Mapping[str, Any]) -> dict[str, Derived]:
         f"half of a heat loss that is known within a factor of {CAPACITY_WITHIN:g}: by geometry, or by identify with a "
         f"heat capacity that nobody measured{beyond}",
     )
+    if given("supply.watchdog_timeout", 1.0) == 0.0:
+        settle(
+            "thermal.unwatched_margin",
+            _digits(CAPACITY_WITHIN * max(loss / still, 1.0), 3),
+            "without a watchdog the current of a dead computer flows on: a wire that loses what is known, within "
+            f"{CAPACITY_WITHIN:g}{beyond}, stays below max_temperature; 3: also one that is covered up then",
+        )
     _settle_supply(wire, min(loss, still), given, settle)
     lag_s = settle(
         "estimator.thermal_time_constant",

@@ -285,6 +285,15 @@ class ThermalParameters:
         1000.0,
         live="higher",
     )
+    unwatched_margin: float = parameter(
+        3.0,
+        "the same for a current that flows on for ever, as that of a dead computer whose supply has no watchdog; no "
+        "more than heat_loss_margin counts",
+        "1",
+        1.0,
+        1000.0,
+        live="higher",
+    )
     near_share: float = parameter(
         0.0,
         "share of the wire's rise that near surroundings which warm up with it take in balance: a tube, a coating",

@@ -242,5 +242,10 @@ class Watch:
 
 def _attended(config):
     """The parameters, with the margin of heat loss of a wire in the open that a person stays beside."""
-    margin = min(config.thermal.heat_loss_margin, ATTENDED_MARGIN)
-    return dataclasses.replace(config, thermal=dataclasses.replace(config.thermal, heat_loss_margin=margin))
+    thermal = config.thermal
+    attended = dataclasses.replace(
+        thermal,
+        heat_loss_margin=min(thermal.heat_loss_margin, ATTENDED_MARGIN),
+        unwatched_margin=min(thermal.unwatched_margin, ATTENDED_MARGIN),
+    )
+    return dataclasses.replace(config, thermal=attended)

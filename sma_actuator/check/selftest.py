@@ -494,12 +494,12 @@ class SelfTest:
     def _held_below(self) -> str:
         """To what the current is limited that may flow for ever, before the wire has shown what heat it loses."""
         thermal = self._config.thermal
-        rise_K = (thermal.max_temperature - thermal.ambient_temperature) / thermal.heat_loss_margin
+        rise_K = (thermal.max_temperature - thermal.ambient_temperature) / thermal.unwatched_margin
         most_A = holding_A(rise_K, self._resistance_Ohm, thermal.heat_loss)
         return (
             f"no more than {most_A * 1e3:.3g} mA may flow on, of which the wire comes to "
             f"{thermal.ambient_temperature + rise_K:.0f} °C by thermal.heat_loss: one that contracts only hotter "
-            f"wants a watchdog, or a thermal.heat_loss_margin below {thermal.heat_loss_margin:g} (docs/guards.md)"
+            f"wants a watchdog, or a thermal.unwatched_margin below {thermal.unwatched_margin:g} (docs/guards.md)"
         )
 
     def _watchdog(self) -> None:

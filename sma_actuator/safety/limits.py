@@ -23,7 +23,7 @@ SETPOINT_RANGE = Limit(
     "Ask for positions between shortest_m and longest_m of the status, or change the load",
     "setpoint shorter or longer than the wire can be held at its present load: the ends of the calibration at this "
     "stress, inside model.displacement_range for the thesis's models; no shorter than the heat reaches that "
-    "supply.max_current holds (without a watchdog: thermal.heat_loss_margin). Without a calibration: "
+    "supply.max_current holds (without a watchdog: thermal.unwatched_margin). Without a calibration: "
     "model.displacement_range",
     ONE_STEP,
 )
@@ -69,8 +69,9 @@ TEMPERATURE_DERATING = Limit(
     "current limit lowered by temperature",
     "Give the wire time to cool. Where it stays short of its setpoint and the supply has no watchdog: `sma-actuator "
     "check` says how hot it may become",
-    "the largest current that could flow on until supply.watchdog_timeout cuts it (for ever, where there is no "
-    "watchdog) and leave the wire below thermal.max_temperature even if it lost only heat_loss / heat_loss_margin, or "
+    "the largest current that could flow on until supply.watchdog_timeout cuts it (where there is none, until "
+    "safety.reading_timeout, and for ever in a wire that loses heat_loss / unwatched_margin) and leave the wire below "
+    "thermal.max_temperature even if it lost only heat_loss / heat_loss_margin, or "
     f"{SUDDENLY:g} of what it has shown to lose in any stretch of up to {LOSING_TIMES:g} of its time constants until "
     "now, from what the first heat balance says, but no more than its resistance: thermal.transformed_temperature, or "
     "where a wire of its calibration that is heated has transformed as far as its resistance says (its rise above the "

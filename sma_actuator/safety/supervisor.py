@@ -44,10 +44,8 @@ class Supervisor:
         self.config = config
         self._contracted_Ohm = most_contracted_Ohm(config.calibration.hot_end, config.thermal)
         self._transforms = Transforms(config.calibration, config.thermal)
-        #: How long what flows may flow on before anybody looks; for ever, without a watchdog.
-        self._unwatched_s = max(config.supply.watchdog_timeout or inf, config.safety.reading_timeout) + 1.0 / (
-            config.loop.rate
-        )
+        #: How long what flows may flow on before anybody looks; without a watchdog that is while the computer lives.
+        self._unwatched_s = max(config.supply.watchdog_timeout, config.safety.reading_timeout) + 1.0 / config.loop.rate
 
     def enabled(self, now_s: float) -> None:
         """The output is about to go on."""
@@ -150,13 +148,15 @@ class Supervisor:
         held_K = held_rise_K(supply.max_current, self._resistance_Ohm, thermal.heat_loss)
         if supply.watchdog_timeout > 0.0:
             return held_K
-        return min(held_K, self.heat.power_limit_W(inf, thermal) / thermal.heat_loss) if not self.heat.cools else held_K
+        return min(held_K, self.heat.power_for_ever_W(thermal) / thermal.heat_loss) if not self.heat.cools else held_K
 
     def _derated_A(self) -> float:
         """Highest current that the heat leaves [A]: what may flow on, if nobody looks any more, until the supply's
-        watchdog cuts it; for ever, where there is none."""
+        watchdog cuts it; where there is none also for ever."""
         supply, thermal = self.config.supply, self.config.thermal
         power_W = self.heat.power_limit_W(self._unwatched_s, thermal)
+        if supply.watchdog_timeout == 0.0:
+            power_W = min(power_W, self.heat.power_for_ever_W(thermal))
         heat_A = sqrt(max(power_W, 0.0) / self._resistance_Ohm)
         derated_A = derated_limit_A(self.heat.temperature_C, supply.max_current, supply.bias_current, thermal)
         return max(supply.bias_current, min(heat_A, derated_A))  # in an order that leaves the bias where heat_A is NaN

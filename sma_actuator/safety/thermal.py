@@ -40,8 +40,9 @@ SMOOTH_s, LONG_AGO_s = 0.2, 1.0
 #: Share by which a load changes from one reading to the next where it is another one.
 OTHER_LOAD = 0.03
 #: Time, in the wire's time constants without its latent heat, up to which heat that flows and does not stay counts as
-#: heat that is lost.
-LOSING_TIMES = 8
+#: heat that is lost.  What may have stayed is a rise of some 130 K: of a wire that is held 60 K above its surroundings
+#: a quarter of what flows in eight time constants, a fifteenth in thirty-two.
+LOSING_TIMES = 32
 #: The most that latent heat takes of it, as a rise of temperature; wires that were measured: 20 to 30 K.
 LATENT_K = 40.0
 #: A cover that is put over the wire may leave this share of the loss that it has shown in the time that nobody looks.
@@ -394,6 +395,17 @@ class WireHeat:
         hottest_C = parameters.max_temperature - HEADROOM_K
         settled_C = (hottest_C - self.at_most_C * decay) / (1.0 - decay)
         return loss_W_K * (settled_C - self.ambient.temperature_C)
+
+    def power_for_ever_W(self, parameters: ThermalParameters) -> float:
+        """Power that may flow on for ever and leave a wire below max_temperature that loses heat_loss /
+        unwatched_margin, or what it is known to lose.
+
+        None in a wire that is let cool.
+        """
+        if self.cools:
+            return 0.0
+        loss_W_K = max(self._least_loss_W_K, parameters.heat_loss / parameters.unwatched_margin)
+        return loss_W_K * (parameters.max_temperature - HEADROOM_K - self.ambient.temperature_C)
 
 
 def derated_limit_A(

@@ -197,10 +197,10 @@ def test_without_a_watchdog_it_says_how_hot_the_wire_may_become():
     stand = Stand(lambda s: s.change(supply__watchdog_timeout=0.0, supply__allow_no_watchdog=True))
     (said,) = [each for each in stand.found if each.part == "watchdog"]
     thermal = stand.config.thermal
-    rise_K = (thermal.max_temperature - thermal.ambient_temperature) / thermal.heat_loss_margin
+    rise_K = (thermal.max_temperature - thermal.ambient_temperature) / thermal.unwatched_margin
     assert said.level is Level.WARNING and passed(stand.found)
     assert f"comes to {thermal.ambient_temperature + rise_K:.0f} °C" in said.sentence
-    assert f"a thermal.heat_loss_margin below {thermal.heat_loss_margin:g}" in said.sentence
+    assert f"a thermal.unwatched_margin below {thermal.unwatched_margin:g}" in said.sentence
 
 
 def test_of_a_supply_that_was_never_opened_nobody_says_that_it_read_back_off():

@@ -244,6 +244,17 @@ def test_limits_hold_for_still_air_whatever_loss_is_measured(times):
     bench_from_mapping(mapping | {"instruments": {}})  # and such a file is taken
 
 
+@pytest.mark.parametrize("times", [0.6, 1.0, 1.9])
+def test_without_a_watchdog_the_current_of_a_dead_computer_is_what_a_wire_in_still_air_survives(times):
+    """By what is known of its heat loss, within a quarter, however much a fan takes away now."""
+    wire = {"alloy": "ni-ti", "length": 0.1, "diameter": 0.1524e-3}
+    still_W_K = derived({"wire": wire})["thermal.heat_loss"].value
+    mapping = {"wire": wire, "thermal": {"heat_loss": still_W_K * times}}
+    assert "thermal.unwatched_margin" not in derived(mapping)
+    margin = derived({**mapping, "supply": {"watchdog_timeout": 0.0}})["thermal.unwatched_margin"].value
+    assert still_W_K * times / margin == pytest.approx(still_W_K * min(times, 1.0) / 1.25, rel=0.01)
+
+
 @pytest.mark.parametrize("diameter_m", [37e-6, 50e-6])
 def test_a_quick_wire_is_read_as_often_as_it_wants(diameter_m):
     """Ten readings in its time constant, as a calibration without ramps has; the blocks fit in between."""

@@ -108,6 +108,24 @@ def test_without_a_watchdog_a_killed_computer_leaves_a_current_that_the_wire_sur
 
 
 @pytest.mark.parametrize("wire", WIRES)
+@pytest.mark.parametrize("ambient_C", [15.0, 24.0])
+def test_without_a_watchdog_a_wire_contracts_wholly_and_is_safe_as_long_as_anybody_looks(wire, ambient_C):
+    """As `init` writes it for most supplies; held at 67 to 78 °C a ninth was martensite still, for ever."""
+    unwatched = {"supply.watchdog_timeout": 0.0, "supply.allow_no_watchdog": True, "thermal.unwatched_margin": 1.25}
+    rig = greedy(wire, 1.0, {**unwatched, "thermal.ambient_temperature": ambient_C}, ambient_C=ambient_C)
+    rig.enable()
+    assert hottest_C(rig, 60.0) < rig.config.thermal.max_temperature
+    assert rig.bench.truth.martensite < 0.01
+    rig.bench.inject("draught", 0.5)  # a cover
+    assert hottest_C(rig, 60.0) < rig.config.thermal.max_temperature
+    rig.bench.inject("draught", 1.0)
+    rig.run(60.0)
+    rig.bench.advance(rig.bench.time_s + 120.0)  # the computer is gone
+    assert rig.bench.supply.output_on
+    assert 110.0 < rig.bench.truth.temperature_C < rig.config.thermal.max_temperature
+
+
+@pytest.mark.parametrize("wire", WIRES)
 def test_a_sensor_that_says_arctic_cold_does_not_heat_it(wire):
     rig = greedy(wire, 1 / 3, ambient_C=35.0, changes={"thermal.ambient_temperature": 35.0})
     genuine = rig.daq.read_block
