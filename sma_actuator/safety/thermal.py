@@ -40,9 +40,8 @@ SMOOTH_s, LONG_AGO_s = 0.2, 1.0
 #: Share by which a load changes from one reading to the next where it is another one.
 OTHER_LOAD = 0.03
 #: Time, in the wire's time constants without its latent heat, up to which heat that flows and does not stay counts as
-#: heat that is lost.  What may have stayed is a rise of some 130 K: of a wire that is held 60 K above its surroundings
-#: a quarter of what flows in eight time constants, a fifteenth in thirty-two.
-LOSING_TIMES = 32
+#: heat that is lost.
+LOSING_TIMES = 8
 #: The most that latent heat takes of it, as a rise of temperature; wires that were measured: 20 to 30 K.
 LATENT_K = 40.0
 #: A cover that is put over the wire may leave this share of the loss that it has shown in the time that nobody looks.

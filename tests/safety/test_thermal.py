@@ -308,14 +308,13 @@ class TestShownLoss:
         power_W = parameters.heat_loss * 140.0
         assert (
             self.shown_W_K(parameters, begin_to_lose, parameters.heat_loss, power_W, 100.0, unmeasured=0.5)[-1]
-            < 0.5 * parameters.heat_loss  # half of what flowed was measured
+            < 0.4 * parameters.heat_loss
         )
 
     def test_a_wire_that_may_be_hotter_has_shown_less(self, parameters, begin_to_lose):
         shown = begin_to_lose()
         steady = [shown(0.5, 0.05, 100.0) for _ in range(4000)][-1]
-        longest_s = (LOSING_TIMES + 1) * parameters.heat_capacity / parameters.heat_loss
-        assert [shown(0.5, 0.05, 190.0) for _ in range(round(longest_s / 0.05))][-1] < 0.6 * steady
+        assert [shown(0.5, 0.05, 190.0) for _ in range(400)][-1] < 0.7 * steady
 
     def test_each_stretch_up_to_now_counts_for_itself(self, parameters, begin_to_lose):
         """Cold for an hour before, it shows what it loses as soon as one that is begun with."""
