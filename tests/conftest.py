@@ -12,11 +12,13 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import pytest
 from hypothesis import HealthCheck, settings
 from left_behind import end_with_this_process
+from once import made_once
 from rig import Rig
 
 from sma_actuator.base.jit import COMPILED
@@ -215,7 +217,7 @@ def flexinol(tmp_path_factory: pytest.TempPathFactory) -> Characterised:
     """The Ni-Ti wire of the virtual bench, characterised once for all tests."""
     from characterised import Characterised
 
-    return Characterised("flexinol", tmp_path_factory.mktemp("flexinol"))
+    return made_once(tmp_path_factory, "flexinol", partial(Characterised, "flexinol"))
 
 
 @pytest.fixture(scope="session")
@@ -223,7 +225,7 @@ def textbook(tmp_path_factory: pytest.TempPathFactory) -> Characterised:
     """The Ni-Ti wire in the physics of the thesis's models: its kinetics end somewhere, so a cycle repeats exactly."""
     from characterised import Characterised
 
-    return Characterised("flexinol", tmp_path_factory.mktemp("textbook"), physics="liang_rogers")
+    return made_once(tmp_path_factory, "textbook", partial(Characterised, "flexinol", physics="liang_rogers"))
 
 
 @pytest.fixture(scope="session")
@@ -231,4 +233,4 @@ def furukawa(tmp_path_factory: pytest.TempPathFactory) -> Characterised:
     """The Ni-Ti-Cu wire of the virtual bench, characterised once for all tests."""
     from characterised import Characterised
 
-    return Characterised("furukawa", tmp_path_factory.mktemp("furukawa"))
+    return made_once(tmp_path_factory, "furukawa", partial(Characterised, "furukawa"))
