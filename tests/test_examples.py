@@ -47,6 +47,7 @@ def test_a_wire_is_driven():
     ]
 
 
+@pytest.mark.long  # tests/driver/test_pair.py turns one
 def test_a_joint_is_turned():
     lines = run("turn_a_joint.py").splitlines()
     assert "both wires are on" in lines[0]

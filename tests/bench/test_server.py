@@ -253,34 +253,36 @@ def opened_or_ended(ports_file, process):
 def test_the_process_serves_the_physics_that_was_asked_for(tmp_path):
     """A wire of the measured distribution is not all martensite at room temperature; the cosine's is, and
     the fourth that nobody chose lies between (0.990)."""
-    shares = {}
-    for physics in ("liang_rogers", "measured", "drawn-4"):
-        ports_file = tmp_path / f"{physics}.json"
-        command = [
-            sys.executable,
-            "-m",
-            "sma_actuator",
-            "bench",
-            "--physics",
-            physics,
-            "--supply-port",
-            "0",
-            "--daq-port",
-            "0",
-            "--ports-file",
-            str(ports_file),
-        ]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        try:
-            poll(functools.partial(opened_or_ended, ports_file, process), within_s=150.0)
-            connection = Connection(json.loads(ports_file.read_text())[0]["supply"])
-            shares[physics] = float(connection.ask("BENC:TRUT?").split(",")[4])
-            connection.close()
-            process.send_signal(signal.SIGINT)
-            assert process.wait(timeout=150) == 0
-        finally:
-            process.kill()
-            process.communicate()
+    shares = {
+        physics: VirtualBench.from_name("flexinol", physics=physics).truth.martensite
+        for physics in ("liang_rogers", "measured")
+    }
+    ports_file = tmp_path / "ports.json"
+    command = [
+        sys.executable,
+        "-m",
+        "sma_actuator",
+        "bench",
+        "--physics",
+        "drawn-4",
+        "--supply-port",
+        "0",
+        "--daq-port",
+        "0",
+        "--ports-file",
+        str(ports_file),
+    ]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        poll(functools.partial(opened_or_ended, ports_file, process), within_s=150.0)
+        connection = Connection(json.loads(ports_file.read_text())[0]["supply"])
+        shares["drawn-4"] = float(connection.ask("BENC:TRUT?").split(",")[4])
+        connection.close()
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=150) == 0
+    finally:
+        process.kill()
+        process.communicate()
     assert shares["liang_rogers"] == 1.0 and 0.8 < shares["measured"] < 0.98 < shares["drawn-4"] < 0.995
 
 

@@ -123,13 +123,10 @@ def test_the_shell_completes_commands_and_their_options(tmp_path):
 
 def test_results_go_to_standard_output_in_full_width_and_notes_to_the_other(flexinol, tmp_path):
     """In a pipe nothing is broken, cut or coloured; with -q nothing else is said."""
-    from sma_actuator.cli.identify import write_model
-    from sma_actuator.identify import identify
-
-    write_model(tmp_path / "model.yaml", identify(flexinol.logs, flexinol.mapping, "flexinol", order=2))
+    model = shared_file("config/flexinol.yaml")
     name = "a_log_with_a_name_that_is_longer_than_any_terminal_is_wide_" * 2 + ".csv"
     (tmp_path / name).write_bytes((flexinol.folder / "pulses_0.600N.csv").read_bytes())
-    words = ["replay", tmp_path / name, flexinol.folder / "pulses_1.200N.csv", "--config", tmp_path / "model.yaml"]
+    words = ["replay", tmp_path / name, flexinol.folder / "pulses_1.200N.csv", "--config", model]
     said = sma_actuator(*words)
     assert said.returncode == 0
     assert name in said.stdout and "mean" in said.stdout and "\x1b" not in said.stdout

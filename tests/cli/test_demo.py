@@ -97,7 +97,8 @@ def alive(pid):
         return False
 
 
-@pytest.mark.parametrize("wire", ("flexinol", pytest.param("furukawa", marks=pytest.mark.long)))
+@pytest.mark.long  # .ci/run has it end by itself before it runs the tests
+@pytest.mark.parametrize("wire", ("flexinol", "furukawa"))
 def test_it_ends_by_itself_with_the_three_errors_and_the_output_off(demo, tmp_path, wire):
     page = ["--view"] if wire == "flexinol" and importlib.util.find_spec("aiohttp") else []
     started = demo("--wire", wire, "--duration", "6", "--json", str(tmp_path / "errors.json"), *page)

@@ -269,6 +269,7 @@ def test_a_wire_in_a_tube_is_found_to_have_warm_surroundings_and_a_bare_one_none
     assert whole.mapping["model"]["near_surroundings"][0] == 0.0
 
 
+@pytest.mark.long
 def test_its_tube_is_found_whatever_the_model_and_tells_at_which_temperature_it_transforms(sleeved):
     """The contracted wire's resistance shows how it warms and cools: the heat balance is found before any model."""
     found = identify(sleeved.logs, sleeved.mapping, "flexinol", order=2)

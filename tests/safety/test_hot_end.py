@@ -115,7 +115,11 @@ def follow(rig, parts, dwell_s, said=("",)):
     return errors.as_dict(), latched / steps, longest * rig.period_s
 
 
-@pytest.mark.parametrize("load", LOADS, ids=("weight", "spring", "stiff spring"))
+@pytest.mark.parametrize(
+    "load",
+    [LOADS[0], pytest.param(LOADS[1], marks=pytest.mark.long), LOADS[2]],
+    ids=("weight", "spring", "stiff spring"),
+)
 def test_the_wire_follows_over_its_whole_working_range_and_never_latches_hot(identified, load):
     rig = stand(identified, load)
     errors, latched, longest_s = follow(rig, STEPS, 20.0)

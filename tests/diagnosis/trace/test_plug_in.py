@@ -44,6 +44,7 @@ def read(path):
     return yaml.safe_load(path.read_text())[NODE_NAME]["ros__parameters"]
 
 
+@pytest.mark.long  # of a package's parts an effect is found below, a law and a dialect in tests/ros
 def test_a_model_is_identified_and_replayed(wire, folder, logs, installed):
     bench, fitted, errors = write_model(wire[0], folder / "bench.yaml"), folder / "line.yaml", folder / "errors.json"
     identify = ("identify", *logs, "--config", bench, "--model", "straight_line", "--out", fitted)
