@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 from drive import config_at
 from virtual_board import VirtualBench, Weight
+from waiting import STARTS_SOON
 
 from sma_actuator.check.selftest import Level, SelfTest
 from sma_actuator.driver import Driver
@@ -105,7 +106,7 @@ def test_firmware_that_is_stopped_is_off_and_found_again_and_a_line_that_is_cut_
 @by("cpython", pytest.param("micropython", marks=pytest.mark.long))
 def test_a_program_that_is_ended_leaves_the_wire_without_current(board, number):
     program = [sys.executable, str(HERE / "drive.py"), board.resource]
-    with subprocess.Popen(program, stdout=subprocess.PIPE, text=True) as driving:
+    with subprocess.Popen(program, stdout=subprocess.PIPE, text=True, env=STARTS_SOON) as driving:
         assert driving.stdout.readline() == "it flows\n"
         wait_until(lambda: board.world.heats)
         driving.send_signal(number)

@@ -18,7 +18,7 @@ import yaml
 from counterpart import HERE, UNSAFE, Emulator, Rig, SerialLine, SOON_s, python_with
 from emulators import EMULATORS
 from liar import Liar
-from waiting import Elapsed, Stalls
+from waiting import STARTS_SOON, Elapsed, Stalls
 
 from sma_actuator.config import Config
 from sma_actuator.instruments import InstrumentRefused, open_supply
@@ -240,6 +240,7 @@ def program(emulator, make_mapping):
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
+            env=STARTS_SOON,
         )
         started.append(one)
         one.stdin.write(json.dumps(make_mapping()))

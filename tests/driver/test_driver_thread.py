@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from ending import signals_end_the_program
 from stand_ins import RealClock, StandInDaq, StandInSupply
+from waiting import STARTS_SOON
 
 from sma_actuator.config import Config
 from sma_actuator.driver import Driver, DriverStopped
@@ -628,11 +629,7 @@ def test_however_a_program_ends_the_supply_is_shut_down(make_config, ending, kil
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,
-        env={
-            **os.environ,
-            "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path]),
-            "SMA_ACTUATOR_NO_JIT": "1",  # it reckons nothing, and starts in half the time
-        },
+        env={**STARTS_SOON, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])},
     )
     said = queue.Queue()
     reader = threading.Thread(target=lambda: [said.put(line) for line in process.stdout], daemon=True)

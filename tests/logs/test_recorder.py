@@ -18,7 +18,7 @@ import time
 from pathlib import Path
 
 import pytest
-from waiting import wait_until
+from waiting import STARTS_SOON, wait_until
 
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import Branch, Command, Estimate, Mode, Output, Quality, Reading, Signals, Status
@@ -217,7 +217,7 @@ def test_what_a_killed_process_left_is_completed_by_the_next_one(config):
         [sys.executable, "-c", _KILLED, json.dumps(config.to_mapping())],
         stdout=subprocess.PIPE,
         text=True,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])},
+        env={**STARTS_SOON, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])},
     )
     try:
         assert process.stdout.readline() == "ready\n"
