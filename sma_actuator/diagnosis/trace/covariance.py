@@ -20,7 +20,6 @@ from sma_actuator.calibration.expectation import correlation_time_s
 
 from .analysis import quantities
 from .evidence import Evidence
-from .limits import LIMITS
 from .witnesses import WITNESSES, Prediction
 
 #: Of what an effect moves, smoothly over any one thing that errors may go with: how far off its form may be, each as
@@ -60,6 +59,8 @@ class SmoothErrors:
         samples, rows = evidence.rows_of_samples, len(evidence.unit_of_row)
         #: Root of how many readings each row counts as, shape (rows,).
         self.weight = np.concatenate((evidence.sample_weight, np.ones(rows - samples)))
+        #: As how much of one each reading counts.
+        self.share = evidence.readings / float(evidence.independent.sum())
         nowhere = np.zeros(samples)
         self._time_s = found["time_s"]
         place = _hats(found.get("displacement_m", nowhere), KNOTS)
@@ -91,8 +92,8 @@ class SmoothErrors:
         what an effect does is not mistaken for it, and a step where one fits best: what happens once is off ever after.
         """
         smooth = (self.repeating, *(LARGE * columns for columns in self.new.values()))
-        step = self._step(evidence, rows, Covariance(*smooth))
-        left = Covariance(*smooth, LARGE * step).inverse(rows)[: evidence.rows_of_samples]
+        step = self._step(evidence, rows, Covariance(*smooth, share=self.share))
+        left = Covariance(*smooth, LARGE * step, share=self.share).inverse(rows)[: evidence.rows_of_samples]
         log = np.repeat(np.arange(len(evidence.logs.compared)), [len(here) for here in evidence.logs.compared])
         time_s = np.concatenate(
             [t.signals.time_s[here] for t, here in zip(evidence.logs.experiments, evidence.logs.compared, strict=True)]
@@ -140,14 +141,12 @@ def _hats(values: np.ndarray, number: int) -> np.ndarray:
 
 
 class Covariance:
-    """D² + V Vᵀ of rows, tempered; D: how far off each is by itself."""
+    """D² / share + V Vᵀ of rows; D: how far off each is by itself."""
 
-    def __init__(self, *columns: np.ndarray, as_one: float = 1.0, alone: tuple[np.ndarray, np.ndarray] | None = None):
-        """``columns``: what is off together, (rows, …) each; ``as_one``: readings that share their error; ``alone``: D,
-        where it is not one, and as how many readings each row counts."""
-        self._as_one = as_one
-        # Without smooth errors nobody says what is off together; what is found so is held against other logs later.
-        self._root = math.sqrt(LIMITS.tempering / as_one) if columns else 1.0
+    def __init__(self, *columns: np.ndarray, share: float = 1.0, alone: tuple[np.ndarray, np.ndarray] | None = None):
+        """``columns``: what is off together, (rows, …) each; ``share``: as how much of one each reading counts;
+        ``alone``: D, where it is not one, and as how many readings each row counts."""
+        self._root = math.sqrt(share)
         self._columns = np.column_stack(columns) if columns else None
         self._alone = alone
         together = self._root * self._by_itself(self._columns) if self._columns is not None else np.zeros((1, 0))
@@ -169,7 +168,7 @@ class Covariance:
         """The same of some of the rows (bool)."""
         columns = () if self._columns is None else (self._columns[seen],)
         alone = None if self._alone is None else (self._alone[0][seen], self._alone[1][seen])
-        return Covariance(*columns, as_one=self._as_one, alone=alone)
+        return Covariance(*columns, share=self._root**2, alone=alone)
 
     def whiten(self, rows: np.ndarray) -> np.ndarray:
         """Rows, (n,) or (n, m), that are independent of each other and of size one where nothing has happened."""

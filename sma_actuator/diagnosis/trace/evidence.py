@@ -138,6 +138,11 @@ class Evidence:
         return known if math.isfinite(known) else 0.0
 
     @property
+    def readings(self) -> float:
+        """As how many readings without a common error the logs count: a session as so many at the most."""
+        return min(float(self.independent.sum()), LIMITS.readings * sum(self.logs.begins))
+
+    @property
     def changed_percent(self) -> float:
         """How far the wire's hot end moved while it was calibrated, % of full stroke."""
         return self.calibration.training.changed / self.full_stroke_m * 100

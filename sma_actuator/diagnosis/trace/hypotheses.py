@@ -85,12 +85,15 @@ class Rows:
         self.smooth = None if evidence.beyond_floor else SmoothErrors(evidence, predictions)
         #: Readings that share their error: they count as one.
         self.as_one = 1.0 if self.smooth is None else self.smooth.as_one(evidence, self.plain)
+        #: As how much of one each reading counts.  Without smooth errors nobody says what is off together; what is
+        #: found so is held against other logs later.
+        self.share = 1.0 if self.smooth is None else self.smooth.share / self.as_one
         #: Of a session in which nothing has happened.
         self.usual = self._covariance()
 
     def _covariance(self, *more: np.ndarray, alone: tuple[np.ndarray, np.ndarray] | None = None) -> Covariance:
         columns = (LIMITS.smooth * self.smooth.repeating, *more) if self.smooth is not None else ()
-        return Covariance(*columns, as_one=self.as_one, alone=alone)
+        return Covariance(*columns, share=self.share, alone=alone)
 
     def _unnamed(self) -> Iterator[tuple[str, list[Covariance]]]:
         """What something else may go with, and the covariances that it may have."""

@@ -36,10 +36,14 @@ class Limits:
 
     # How far off are they together?
     smooth: float = parameter(
-        1.0, "standard deviation of each smooth error that a model makes on any session, over the floor", "σ", 0.0
+        0.5, "standard deviation of each smooth error that a model makes on any session, over the floor", "σ", 0.0
     )
-    tempering: float = parameter(
-        0.1, "of every reading that counts as one: what no form fits says the same again", "1", 0.0, 1.0
+    readings: float = parameter(
+        40.0,
+        "readings without a common error as which a session counts at the most: a wire that comes to the same place by "
+        "the same way again is off there as before",
+        "1",
+        1.0,
     )
 
     # What is known before the logs?

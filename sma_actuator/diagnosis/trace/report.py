@@ -192,8 +192,8 @@ def _nothing(tracing: Tracing, share: float) -> str:
         f"calibration lets expect, where {tracing.evidence.floor_percent:.2f} % is usual"
     )
     text += f", and it may be {_listed([f'{n} ({p:.0%})' for n, p in others[:MOST_NAMES]])}." if others else "."
-    number = float(tracing.evidence.independent.sum())
-    return f"{text} They say as much as {number:.0f} readings that share no error; longer ones say more."
+    number = tracing.evidence.readings
+    return f"{text} They say as much as {number:.0f} readings that share no error; other currents and loads say more."
 
 
 def _likeliest_first(tracing: Tracing) -> list[str]:

@@ -714,7 +714,7 @@ def test_the_likeliest_is_so_with_the_floor_of_where_it_has_the_wire(clean):
     assert np.ptp(floor) > 0.0 == np.ptp(anywhere)
     counts = rows.evidence.sample_weight**2
     squares = np.sum(rows.usual.whiten(there.rows(there.predict({}))) ** 2)
-    spread = 2.0 * LIMITS.tempering / rows.as_one * float(counts @ np.log(floor / anywhere))
+    spread = 2.0 * rows.share * float(counts @ np.log(floor / anywhere))
     expected = rows.usual.log_likelihood(squares) - 0.5 * spread
     assert rows.where_it_was(nothing) == pytest.approx(expected, abs=1e-6)
 
