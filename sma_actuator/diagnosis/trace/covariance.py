@@ -59,8 +59,6 @@ class SmoothErrors:
         samples, rows = evidence.rows_of_samples, len(evidence.unit_of_row)
         #: Root of how many readings each row counts as, shape (rows,).
         self.weight = np.concatenate((evidence.sample_weight, np.ones(rows - samples)))
-        #: As how much of one each reading counts.
-        self.share = evidence.readings / float(evidence.independent.sum())
         nowhere = np.zeros(samples)
         self._time_s = found["time_s"]
         place = _hats(found.get("displacement_m", nowhere), KNOTS)
@@ -92,8 +90,8 @@ class SmoothErrors:
         what an effect does is not mistaken for it, and a step where one fits best: what happens once is off ever after.
         """
         smooth = (self.repeating, *(LARGE * columns for columns in self.new.values()))
-        step = self._step(evidence, rows, Covariance(*smooth, share=self.share))
-        left = Covariance(*smooth, LARGE * step, share=self.share).inverse(rows)[: evidence.rows_of_samples]
+        step = self._step(evidence, rows, Covariance(*smooth))
+        left = Covariance(*smooth, LARGE * step).inverse(rows)[: evidence.rows_of_samples]
         log = np.repeat(np.arange(len(evidence.logs.compared)), [len(here) for here in evidence.logs.compared])
         time_s = np.concatenate(
             [t.signals.time_s[here] for t, here in zip(evidence.logs.experiments, evidence.logs.compared, strict=True)]

@@ -83,11 +83,12 @@ class Rows:
         self.plain, self.off = evidence.rows(predictions), evidence.off(predictions)
         #: What is off together; None where a model's own errors are what is looked for.
         self.smooth = None if evidence.beyond_floor else SmoothErrors(evidence, predictions)
-        #: Readings that share their error: they count as one.
-        self.as_one = 1.0 if self.smooth is None else self.smooth.as_one(evidence, self.plain)
         #: As how much of one each reading counts.  Without smooth errors nobody says what is off together; what is
         #: found so is held against other logs later.
-        self.share = 1.0 if self.smooth is None else self.smooth.share / self.as_one
+        self.share = 1.0
+        if self.smooth is not None:
+            as_one = self.smooth.as_one(evidence, self.plain)
+            self.share = evidence.readings / float(evidence.independent.sum()) / as_one
         #: Of a session in which nothing has happened.
         self.usual = self._covariance()
 

@@ -76,7 +76,8 @@ def test_where_nothing_is_hidden_nothing_is_most_probable(clean):
     assert found.probabilities.best == (NOTHING,)
     assert sum(found.probabilities.of.values()) == pytest.approx(1.0)
     assert (SOMETHING_ELSE,) in found.probabilities.of
-    assert "Nothing is missing, with a probability of" in sentence(found, {}, [])
+    sure = dataclasses.replace(found, probabilities=Probabilities({(NOTHING,): 0.95, ("slip",): 0.05}))
+    assert "Nothing is missing, with a probability of 95%" in sentence(sure, {}, [])
     # Of a session that is too short to say so, that is said, and what else may be.
     unsure = dataclasses.replace(found, probabilities=Probabilities({(NOTHING,): 0.6, ("slip",): 0.3, ("creep",): 0.1}))
     said = sentence(unsure, {}, [])
