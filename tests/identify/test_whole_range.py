@@ -204,6 +204,16 @@ def test_what_the_calibration_has_not_seen_is_said_and_stays_bounded(whole, unse
     assert low_m - slack_m <= found.displacement_m.min() <= found.displacement_m.max() <= high_m + slack_m
 
 
+def test_an_estimate_beyond_where_the_wire_has_been_is_as_unsure_as_it_lies_beyond(whole, unseen):
+    signals = make_experiment(unseen[0], whole.config).signals
+    low_m, high_m = whole.config.model.stroke
+    shorter = whole.config.replace({"model.stroke": (low_m + 0.15 * (high_m - low_m), high_m)})
+    found, low_m = Chain(shorter).run(signals), shorter.model.stroke[0]
+    beyond_m = low_m - found.displacement_m
+    assert beyond_m.max() > 0.04 * (high_m - low_m)
+    assert (found.uncertainty_m >= beyond_m).all()
+
+
 def test_the_estimate_hardly_depends_on_the_rate_of_sampling(whole, unseen):
     signals = make_experiment(unseen[0], whole.config).signals
     whole_m = Chain(whole.config).run(signals).displacement_m

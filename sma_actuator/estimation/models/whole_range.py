@@ -345,6 +345,7 @@ def _estimate(heating: bool, n: Numbers, out: np.ndarray) -> None:
     share = 1.0 if strangeness <= 1.0 else exp(2.0 * (1.0 - strangeness))
     displacement = min(max(physical + share * residual, lowest - slack), highest + slack)
     width = _half_width(displacement, heating, n) * (n.limits[_FLOOR] + spread)
+    width += max(lowest - displacement, displacement - highest, 0.0)  # back to where a wire has been
     out[0] = displacement
     out[1] = share * width + (1.0 - share) * max(n.limits[_CURVE_WIDTH], width)
     out[2] = share
