@@ -82,10 +82,22 @@ def test_every_file_that_states_a_version_states_the_same():
     stated = [
         re.search(r"<version>(.+)</version>", (ROOT / "package.xml").read_text())[1],
         re.search(r"^version: (.+)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)[1],
-        re.search(r"^## (.+)$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)[1],
+        re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)[1],
         re.search(r"^(\d\S+)", (ROOT / "CHANGELOG.rst").read_text(), re.MULTILINE)[1],
     ]
     assert stated == [sma_actuator.__version__] * 4
+
+
+def test_every_file_that_states_the_day_of_the_version_states_the_same():
+    days = [
+        re.search(pattern, (ROOT / name).read_text(encoding="utf-8"), re.MULTILINE)[1]
+        for name, pattern in (
+            ("CHANGELOG.md", r"^## \S+ \((.+)\)$"),
+            ("CHANGELOG.rst", r"^\d\S+ \((.+)\)$"),
+            ("CITATION.cff", r"^date-released: (.+)$"),
+        )
+    ]
+    assert len(set(days)) == 1
 
 
 CHANGES = re.findall(
