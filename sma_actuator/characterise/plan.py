@@ -15,6 +15,7 @@ from sma_actuator.config import require_sense_resistor
 from sma_actuator.logs.cycles import HOT_PART
 
 from .programs import FROM_COLD, every_ordered_pair
+from .rig import attended
 
 GRAVITY_m_s2 = 9.80665
 STRESSES_Pa = (
@@ -309,12 +310,12 @@ def largest_heat_current_A(config) -> float:
 
 
 def unguarded_current_A(config) -> float:
-    """The current that may flow for ever by the heat limit, whatever the wire loses within ``heat_loss_margin``.
+    """The current that may flow for ever by the heat limit of a rig, whatever the wire loses within its margin.
 
     Beyond it a wire whose resistance does not tell how hot it is, is let cool again and again
     (:class:`~sma_actuator.safety.thermal.WireHeat`), which parts a ramp's cycle.
     """
-    thermal = config.thermal
+    thermal = attended(config).thermal
     return _held_current_A(
         config, UNGUARDED * (thermal.max_temperature - thermal.ambient_temperature) / thermal.heat_loss_margin
     )

@@ -158,13 +158,13 @@ class Watch:
 
     def __init__(self, config, clock: Clock):
         self._clock = clock
-        self._supervisor = Supervisor(_attended(config))
+        self._supervisor = Supervisor(attended(config))
         self._seen_s = clock.now_s()
         self._told = Command(0.0, False)
 
     def update(self, config) -> None:
         """Go on with other parameters; what is known of the wire's heat stays."""
-        self._supervisor.update(_attended(config))
+        self._supervisor.update(attended(config))
 
     def let_cool(self, interrupts: Interrupts) -> None:
         """Wait, with the output off, until a wire would be cool whatever it was: of one at the beginning nothing is
@@ -240,12 +240,12 @@ class Watch:
             )
 
 
-def _attended(config):
+def attended(config):
     """The parameters, with the margin of heat loss of a wire in the open that a person stays beside."""
     thermal = config.thermal
-    attended = dataclasses.replace(
+    beside_it = dataclasses.replace(
         thermal,
         heat_loss_margin=min(thermal.heat_loss_margin, ATTENDED_MARGIN),
         unwatched_margin=min(thermal.unwatched_margin, ATTENDED_MARGIN),
     )
-    return dataclasses.replace(config, thermal=attended)
+    return dataclasses.replace(config, thermal=beside_it)
