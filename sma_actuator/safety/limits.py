@@ -67,8 +67,8 @@ STRESS_NEAR_LIMIT = Limit(
 TEMPERATURE_DERATING = Limit(
     "temperature_derating",
     "current limit lowered by temperature",
-    "Give the wire time to cool. Where it stays short of its setpoint and the supply has no watchdog: `sma-actuator "
-    "check` says how hot it may become",
+    "Give the wire time to cool. Where it stays short of its setpoint: `sma-actuator check` says how hot it may become "
+    "and what decides that",
     "the largest current that could flow on until supply.watchdog_timeout cuts it (where there is none, until "
     "safety.reading_timeout, and for ever in a wire that loses heat_loss / unwatched_margin) and leave the wire below "
     "thermal.max_temperature even if it lost only heat_loss / heat_loss_margin, or "

@@ -24,6 +24,11 @@ from .timing import SETTLING_READINGS, SETTLING_TIME_s
 _OFF = Command(0.0, False)
 
 
+def unwatched_s(config: SafetySections) -> float:
+    """How long what flows may flow on before anybody looks; without a watchdog that is while the computer lives."""
+    return max(config.supply.watchdog_timeout, config.safety.reading_timeout) + 1.0 / config.loop.rate
+
+
 class Supervisor:
     """Watches one wire; latches faults; passes, lowers or cuts the command."""
 
@@ -44,8 +49,7 @@ class Supervisor:
         self.config = config
         self._contracted_Ohm = most_contracted_Ohm(config.calibration.hot_end, config.thermal)
         self._transforms = Transforms(config.calibration, config.thermal)
-        #: How long what flows may flow on before anybody looks; without a watchdog that is while the computer lives.
-        self._unwatched_s = max(config.supply.watchdog_timeout, config.safety.reading_timeout) + 1.0 / config.loop.rate
+        self._unwatched_s = unwatched_s(config)
 
     def enabled(self, now_s: float) -> None:
         """The output is about to go on."""

@@ -14,6 +14,7 @@ from sma_actuator.check.selftest import Level
 from sma_actuator.cli.main import main
 from sma_actuator.config import Config, read_parameter_file, write_parameter_file
 from sma_actuator.plant.worlds import wire_in_world
+from sma_actuator.safety.thermal import HEADROOM_K
 
 
 class Stand:
@@ -103,8 +104,8 @@ def test_a_wire_that_is_as_its_parameters_say_passes(wire):
     assert passed(stand.found), stand.wrong
     parts = [each.part for each in stand.found if each.level is Level.OK]
     assert parts == [
-        "identity", "trips", "rate", "noise", "load cell", "bias", "resistance", "leads", "linearity", "watchdog",
-        "output",
+        "identity", "trips", "rate", "noise", "load cell", "bias", "resistance", "leads", "linearity", "heat",
+        "watchdog", "output",
     ]  # fmt: skip
     (watchdog,) = [each.sentence for each in stand.found if each.part == "watchdog"]
     assert "read back as WDOG, cleared with the output off" in watchdog
@@ -192,15 +193,29 @@ def test_a_trip_that_lets_the_wire_burn_is_said_with_what_it_survives():
     assert "; 0.417 A is what it survives" in trips.sentence
 
 
-def test_without_a_watchdog_it_says_how_hot_the_wire_may_become():
-    """A wire that needs 100 °C was held at 82 by such a supply, and nothing had said so."""
-    stand = Stand(lambda s: s.change(supply__watchdog_timeout=0.0, supply__allow_no_watchdog=True))
-    (said,) = [each for each in stand.found if each.part == "watchdog"]
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"supply__watchdog_timeout": 0.0, "supply__allow_no_watchdog": True}, "unwatched_margin below 3"),
+        ({"thermal__heat_capacity": 3e-4, "thermal__heat_loss": 4e-3}, "heat_loss_margin below 3"),
+    ],
+    ids=["no watchdog", "quick"],
+)
+def test_it_says_to_what_temperature_the_limit_of_current_lets_the_wire_come(change, named):
+    """One that needs 100 °C was held at 82 by a supply without a watchdog, 50 µm at 87 by any: nobody had said so."""
+    stand = Stand(lambda s: s.change(**change))
+    (said,) = [each for each in stand.found if each.part == "heat"]
     thermal = stand.config.thermal
-    rise_K = (thermal.max_temperature - thermal.ambient_temperature) / thermal.unwatched_margin
+    rise_K = (thermal.max_temperature - HEADROOM_K - thermal.ambient_temperature) / 3.0
     assert said.level is Level.WARNING and passed(stand.found)
-    assert f"comes to {thermal.ambient_temperature + rise_K:.0f} °C" in said.sentence
-    assert f"a thermal.unwatched_margin below {thermal.unwatched_margin:g}" in said.sentence
+    comes_C = float(re.search(r"comes to (\d+) °C", said.sentence)[1])
+    assert comes_C == pytest.approx(thermal.ambient_temperature + rise_K, abs=3.0)
+    assert f"a thermal.{named}" in said.sentence
+
+
+def test_of_a_usual_wire_behind_a_watchdog_it_says_that_it_will_contract():
+    (said,) = [each for each in Stand().found if each.part == "heat"]
+    assert said.level is Level.OK
 
 
 def test_of_a_supply_that_was_never_opened_nobody_says_that_it_read_back_off():
