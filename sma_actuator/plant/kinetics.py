@@ -141,18 +141,8 @@ class Measured:
     def quantiles_C(self, share: float) -> tuple[float, float]:
         """Temperatures at zero stress below which this share of martensite is left on heating, or has formed on
         cooling."""
-        found = []
         bands = self.bands()
-        for row in (HEATING, COOLING):
-            low_C, high_C = -300.0, 500.0
-            for _ in range(60):
-                middle_C = 0.5 * (low_C + high_C)
-                if distribution(bands, row, middle_C, 0.0) > share:
-                    low_C = middle_C
-                else:
-                    high_C = middle_C
-            found.append(low_C)
-        return found[0], found[1]
+        return _quantile_C(bands, HEATING, share), _quantile_C(bands, COOLING, share)
 
 
 def _steepest(parts: tuple[Logistic, ...]) -> Logistic:
@@ -238,6 +228,20 @@ def distribution(bands, row, temperature_C, stress_Pa):
         centre_C = bands[row, i + CENTRE_C] + stress_Pa * bands[row, i + PART_SLOPE_K_Pa]
         share += bands[row, i + WEIGHT] * logistic(temperature_C, centre_C, bands[row, i + WIDTH_K])
     return share
+
+
+@jit
+def _quantile_C(bands, row, share):
+    """Temperature at zero stress above which this share transforms."""
+    low_C = -300.0
+    high_C = 500.0
+    for _ in range(60):
+        middle_C = 0.5 * (low_C + high_C)
+        if distribution(bands, row, middle_C, 0.0) > share:
+            low_C = middle_C
+        else:
+            high_C = middle_C
+    return low_C
 
 
 @inlined
