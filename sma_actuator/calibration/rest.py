@@ -125,6 +125,10 @@ def find_rests(experiment: Experiment, thermal_time_constant_s: float) -> list[R
 def learn(experiments: Sequence[Experiment], thermal_time_constant_s: float) -> RestSection:
     """What the wire showed at rest."""
     found = [(t, rest) for t in experiments for rest in find_rests(t, thermal_time_constant_s)]
+    # Before it has been heated in a log, a cold wire is as long as what it cooled under made it: another load perhaps.
+    cooled = [(t, rest) for t, rest in found if rest.hot or t.driven[: rest.start].any()]
+    if sum(not rest.hot for _, rest in cooled) >= 2:
+        found = cooled
     # A cold wire that creeps is not at rest yet, a hot one is contracted whether or not it grows warmer.
     settled = [x for x in found if x[1].hot or x[1].settled]
     if sum(not rest.hot for _, rest in settled) < 2:

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from sma_actuator.base.calibration import Calibration, HotEndSection, RestSection, TrainingSection
-from sma_actuator.calibration.rest import AS_HOT, REPEATS, AtRest, Usual
+from sma_actuator.base.signals import Signals
+from sma_actuator.calibration.rest import AS_HOT, REPEATS, AtRest, Usual, learn
+from sma_actuator.logs.experiments import Experiment
 
 CALIBRATION = Calibration(
     rest=RestSection(
@@ -105,3 +107,34 @@ def test_without_a_calibration_a_rest_is_held_against_the_session_s_others():
     other_load = replace(COLD, stress_Pa=8e7, resistance_Ohm=5.0)
     found = nobody.off(together(COLD, replace(COLD, resistance_Ohm=2.1 + apart_Ohm), other_load))
     np.testing.assert_allclose(found[:, 0], (-5.0, 5.0, 0.0), rtol=1e-6)
+
+
+def pulsed(load_N, hung_on_m):
+    """A log of three pulses under a weight that was hung on the cold wire, which is ``hung_on_m`` long until it has
+    been heated."""
+    time_s = np.arange(0.0, 70.0, 0.05)
+    driven = (time_s % 20.0 > 10.0) & (time_s < 60.0)
+    contracted = np.where(driven, 1.0 - np.exp(-((time_s - 10.0) % 20.0)), np.exp(-(time_s % 20.0)))
+    contracted[time_s < 10.02] = 0.0
+    cold_m = np.where(time_s < 10.02, hung_on_m, 1e-3 + 2e-3 * load_N)
+    displacement_m = cold_m + contracted * (5e-4 - cold_m)
+    resistance_Ohm = 5.0 + 200.0 * displacement_m
+    current_A = np.where(driven, 0.3, 0.05)
+    signals = Signals(
+        time_s=time_s,
+        current_A=current_A,
+        resistance_Ohm=resistance_Ohm,
+        power_W=current_A**2 * resistance_Ohm,
+        load_N=np.full(len(time_s), load_N),
+        stress_Pa=np.full(len(time_s), load_N * 5e7),
+        reference_displacement_m=displacement_m,
+    )
+    return Experiment(None, "pulses", signals, driven, driven, np.cumsum(np.diff(driven, prepend=False) & driven))
+
+
+def test_a_cold_wire_that_was_not_heated_yet_under_its_load_is_not_its_cold_end():
+    """A second round had one such rest at a load: the cold end lay 26 % of the stroke inside it, and what was longer
+    was held to be out of reach."""
+    rest = learn([pulsed(load_N, hung_on_m) for load_N, hung_on_m in ((0.5, 3e-3), (1.0, 1.5e-3))], 1.0)
+    assert rest.cold_displacement == pytest.approx((2e-3, 3e-3), abs=2e-5)
+    assert rest.displacement_scatter < 2e-5
