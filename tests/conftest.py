@@ -114,7 +114,6 @@ _LONGEST = (
     "tests/diagnosis/trace/test_trace.py",
     "tests/ros/test_node.py",
     "tests/identify/test_whole_range.py",
-    "tests/test_first_steps.py",
     "tests/identify/test_identify.py",
     "tests/base/test_jit.py",
     "tests/safety/test_hot_end.py",

@@ -34,6 +34,7 @@ def test_colcon_sees_an_ament_python_package(workspace):
     assert "(ros.ament_python)" in _colcon(workspace, "list")
 
 
+@pytest.mark.long  # the job `ros` builds with it on every push
 def test_colcon_installs_node_launch_file_and_configurations(workspace):
     _colcon(workspace, "build")
     prefix = workspace / "install" / "sma_actuator"

@@ -36,6 +36,7 @@ def free_port():
         return str(probe.getsockname()[1])
 
 
+@pytest.mark.long  # .ci/run and tests/test_examples.py drive one
 def test_drive_a_wire_as_it_is_written(tmp_path):
     ports = {"5025": free_port(), "5026": free_port()}
 

@@ -329,7 +329,7 @@ class AnyUse(RuleBasedStateMachine):
         assert status.fault == "" or status.fault in FAULTS
 
 
-@pytest.mark.parametrize("examples", [100, pytest.param(250, marks=pytest.mark.long)])
+@pytest.mark.parametrize("examples", [50, pytest.param(250, marks=pytest.mark.long)])
 def test_no_use_whatsoever_commands_what_it_must_not(make_config, examples):
     """Nor does it prove nothing: a driven wire is among the uses."""
     tracked = []

@@ -112,6 +112,7 @@ print(rows[0, CURRENT] / 0.2 - 1.0, inputs.sum())
     assert added_Ohm == pytest.approx(GAIN)  # of 1 Ω
 
 
+@pytest.mark.long  # without a command in tests/base/test_registry.py
 def test_a_broken_package_is_named_and_stops_no_command_that_needs_nothing_of_it(wire, folder, logs, installed):
     (folder / "site" / "sma_tiny" / "sense_resistance.py").write_text("raise RuntimeError('no licence')\n")
     model = write_model(wire[1], folder / "whole.yaml")
