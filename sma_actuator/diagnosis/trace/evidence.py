@@ -23,7 +23,8 @@ from sma_actuator.estimation.effects import Effect, Effects
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.errors import BenchLogError
 
-from .following import Where
+from .amounts import errors_percent
+from .following import FollowedAnew, Where
 from .limits import LIMITS
 from .prepared import Prepared
 from .witnesses import WITNESSES, Power, Prediction, Residual, Rests, Springs, Witness
@@ -64,7 +65,7 @@ class Evidence:
         self.of_springs = Springs(self.logs, self.unit, self.full_stroke_m)
         self.of_power = Power(self.logs, self.unit, config, self.calibration)
         self._rows()
-        error = float(np.mean(self.errors_percent(self.predict({}))))
+        error = float(np.mean(errors_percent(self, self.predict({}))))
         if error > HOPELESS_percent:
             raise BenchLogError(
                 f"{self.logs.experiments[0].log.source}: the model errs by {error:.0f} % of full stroke on these logs; "
@@ -244,48 +245,6 @@ class Evidence:
         squares = np.bincount(witness, off**2, minlength=len(WITNESSES))
         return {name: math.sqrt(s / n) for name, s, n in zip(WITNESSES, squares, number, strict=True) if n}
 
-    def errors_percent(self, predictions: Sequence[Prediction]) -> np.ndarray:
-        """Mean absolute error of every unit, % of full stroke, shape (units,)."""
-        error_m = np.concatenate(
-            [np.abs(m - p.shown_m) for m, p in zip(self.logs.measured_m, predictions, strict=True)]
-        )
-        return self._per_unit(error_m) / self.full_stroke_m * 100
-
-    def _per_unit(self, values: np.ndarray) -> np.ndarray:
-        """Mean of every unit, shape (units,)."""
-        unit, good = np.concatenate(self.unit), np.isfinite(values)
-        number = np.bincount(unit[good], minlength=self.units)
-        return np.bincount(unit[good], values[good], minlength=self.units) / np.maximum(number, 1)
-
-    def news_percent(self, predictions: Sequence[Prediction]) -> np.ndarray:
-        """Mean absolute size of the news of every unit, % of full stroke, shape (units,)."""
-        return (
-            self._per_unit_compared(np.abs(np.concatenate(self.of_displacement.news_m(predictions))))
-            / self.full_stroke_m
-            * 100
-        )
-
-    @property
-    def floor_percent(self) -> float:
-        """What that is in the mean where there are none, at these places and with these histories, % of full stroke."""
-        if self.beyond_floor:
-            return 0.0
-        return (
-            float(self._per_unit_compared(np.concatenate(self.of_displacement.floor_m)).mean())
-            / self.full_stroke_m
-            * 100
-        )
-
-    def _per_unit_compared(self, values: np.ndarray) -> np.ndarray:
-        unit = self.unit_of_row[: self.rows_of_samples]
-        number = np.bincount(unit, minlength=self.units)
-        return np.bincount(unit, np.nan_to_num(values), minlength=self.units) / np.maximum(number, 1)
-
-    @property
-    def samples_of_unit(self) -> np.ndarray:
-        """Number of samples of every unit, shape (units,)."""
-        return np.bincount(np.concatenate(self.unit), minlength=self.units)
-
 
 def limited(z: np.ndarray) -> np.ndarray:
     """``z`` with Huber's loss as half its square; what is not finite counts as the largest that counts."""
@@ -300,23 +259,3 @@ def limited(z: np.ndarray) -> np.ndarray:
         z,
         np.sign(z) * np.sqrt(np.maximum(LIMITS.linear_from * (2.0 * size - LIMITS.linear_from), 0.0)),
     )
-
-
-class FollowedAnew(Chain):
-    """A chain that is asked for whole logs alone, each from the beginning of its loop.
-
-    Most steps of a fit leave the wire's readings as they were, and with them what branch and strain model make of
-    these, which is remembered.
-    """
-
-    def __init__(self, config: Config, effects: Mapping[str, Effect], remembered: Remembered):
-        super().__init__(config, effects)
-        self._remembered = remembered
-
-    def _follow(self, *readings: np.ndarray) -> tuple[np.ndarray, ...]:
-        if self._started:
-            raise ValueError("a log is followed from its beginning: forget the loop before it")
-        follow = super()._follow
-        found = self._remembered.of(lambda: follow(*readings), *readings)
-        self._started = True
-        return found

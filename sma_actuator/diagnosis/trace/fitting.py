@@ -9,6 +9,7 @@ import numpy as np
 
 from sma_actuator.estimation.effects import Effect
 
+from .amounts import errors_percent, news_percent
 from .candidates import Candidate
 from .covariance import FORMS, NEARLY, Covariance
 from .evidence import Evidence
@@ -85,7 +86,7 @@ def _held_out(
     problem = found.problem
     held_out_rows = found.rows.copy()
     at = evidence.predict(found.effects)
-    percent, news_percent = evidence.errors_percent(at), evidence.news_percent(at)
+    percent, unexpected_percent = errors_percent(evidence, at), news_percent(evidence, at)
     numbered = np.flatnonzero(seen)
     for k in range(FOLDS):
         left_out = numbered[k::FOLDS]
@@ -103,9 +104,9 @@ def _held_out(
                 break
         hidden = np.isin(evidence.unit_of_row, left_out)
         held_out_rows[hidden] = there[hidden]
-        percent[left_out] = evidence.errors_percent(predictions)[left_out]
-        news_percent[left_out] = evidence.news_percent(predictions)[left_out]
-    return held_out_rows, percent, news_percent
+        percent[left_out] = errors_percent(evidence, predictions)[left_out]
+        unexpected_percent[left_out] = news_percent(evidence, predictions)[left_out]
+    return held_out_rows, percent, unexpected_percent
 
 
 def _intervals(evidence: Evidence, found: Likeliest, covariance: Covariance, rows: np.ndarray) -> dict:

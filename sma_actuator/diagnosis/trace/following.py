@@ -8,11 +8,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from sma_actuator.base.remembered import Remembered
+from sma_actuator.config import Config
 from sma_actuator.estimation.chain import Chain, Judged
+from sma_actuator.estimation.effects import Effect
 from sma_actuator.estimation.effects.frame import Frame, Place
 
 AFTER_THE_MODEL = ("at_displacement", "shown")  #: stages of the chain
@@ -81,3 +85,23 @@ def smooth(values: np.ndarray, period_s: float) -> np.ndarray:
     """Running mean over SMOOTHED_s of n values that are so far apart."""
     n = max(1, round(SMOOTHED_s / period_s))
     return np.convolve(np.pad(values, (n // 2, n - 1 - n // 2), mode="edge"), np.full(n, 1.0 / n), mode="valid")
+
+
+class FollowedAnew(Chain):
+    """A chain that is asked for whole logs alone, each from the beginning of its loop.
+
+    Most steps of a fit leave the wire's readings as they were, and with them what branch and strain model make of
+    these, which is remembered.
+    """
+
+    def __init__(self, config: Config, effects: Mapping[str, Effect], remembered: Remembered):
+        super().__init__(config, effects)
+        self._remembered = remembered
+
+    def _follow(self, *readings: np.ndarray) -> tuple[np.ndarray, ...]:
+        if self._started:
+            raise ValueError("a log is followed from its beginning: forget the loop before it")
+        follow = super()._follow
+        found = self._remembered.of(lambda: follow(*readings), *readings)
+        self._started = True
+        return found

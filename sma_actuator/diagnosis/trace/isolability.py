@@ -22,6 +22,7 @@ from sma_actuator.base.parameters import declaration_of
 from sma_actuator.calibration.rest import SPREAD
 from sma_actuator.estimation.effects import EFFECTS, Effect
 
+from .amounts import floor_percent
 from .candidates import Candidate, candidate, scales_of, untestable
 from .evidence import INDEPENDENT, Evidence
 from .experiments import after_the_session, experiments, shown_m
@@ -140,7 +141,7 @@ def _there(rows: Rows, effects: dict[str, Effect], tried: Sequence[tuple[str, An
     are."""
     evidence = rows.evidence
     chain = after_the_session(evidence, effects)
-    sigma_m = SPREAD * evidence.floor_percent / 100.0 * evidence.full_stroke_m
+    sigma_m = SPREAD * floor_percent(evidence) / 100.0 * evidence.full_stroke_m
     out = []
     for _, signals in tried:
         duration_s, n = float(np.ptp(signals.time_s)), len(signals.time_s)

@@ -18,6 +18,7 @@ from sma_actuator.estimation.chain import Chain
 from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL, QUANTITIES
 
 from . import why
+from .amounts import floor_percent, samples_of_unit
 from .analysis import anatomy
 from .evidence import Evidence
 from .experiments import best_experiment
@@ -35,7 +36,7 @@ DEPENDS = 0.1  #: share of the residual's mean square from which a dependence is
 
 def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None) -> dict[str, Any]:
     """The report for machines; errors are mean absolute, in % of full stroke, over cycles that the fit had not seen."""
-    weight = evidence.samples_of_unit
+    weight = samples_of_unit(evidence)
     before, after = tracing.errors_percent["before"], tracing.errors_percent["after"]
     left = anatomy(evidence, tracing.predictions["after"])
     at_first = anatomy(evidence, tracing.predictions["before"])
@@ -63,7 +64,7 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
         # Every unit weighs the same.
         "news_before_pct_stroke": float(tracing.news_percent["before"].mean()),
         "news_after_pct_stroke": float(tracing.news_percent["after"].mean()),
-        "floor_pct_stroke": tracing.evidence.floor_percent,
+        "floor_pct_stroke": floor_percent(tracing.evidence),
         "excess_explained": tracing.share,
         "loss_after_over_calibration": _ratio(float(tracing.losses["after"].mean()), tracing.expected_loss),
         "floor_from_calibration": bool(evidence.calibration.known),
@@ -189,7 +190,7 @@ def _nothing(tracing: Tracing, share: float) -> str:
     others = [(n, p) for n, p in tracing.probabilities.by_name.items() if n != NOTHING and p >= LEAST_SAID]
     text = (
         f"Nothing need be missing ({share:.0%}), but these logs do not rule it out: of the error {off} is not what the "
-        f"calibration lets expect, where {tracing.evidence.floor_percent:.2f} % is usual"
+        f"calibration lets expect, where {floor_percent(tracing.evidence):.2f} % is usual"
     )
     text += f", and it may be {_listed([f'{n} ({p:.0%})' for n, p in others[:MOST_NAMES]])}." if others else "."
     number = tracing.evidence.readings

@@ -12,6 +12,7 @@ from sma_actuator.base.one_thread import one_thread
 from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL
 from sma_actuator.logs.errors import BenchLogError
 
+from .amounts import errors_percent, news_percent
 from .candidates import Candidate, candidate, scales_of, untestable
 from .evidence import Evidence
 from .fitting import Fit, fit_of
@@ -185,9 +186,9 @@ def _concluded(
     probabilities = weighed(weighed_before)
     hypotheses = {one.names: one for _, one in (*weighed_before, *beside)}
     predictions = evidence.predict({})
-    losses, errors = evidence.losses(rows.plain), evidence.errors_percent(predictions)
+    losses, errors = evidence.losses(rows.plain), errors_percent(evidence, predictions)
     every = np.ones(evidence.units, dtype=bool)
-    news, off = evidence.news_percent(predictions), evidence.witnesses(rows.plain, every)
+    news, off = news_percent(evidence, predictions), evidence.witnesses(rows.plain, every)
     verdict, names = probabilities.verdict
     if evidence.beyond_floor and not asked:  # every effect that pays counts, and what remains is the model's as it is
         names = [n for n in probabilities.best if n not in NO_NAMES]

@@ -15,6 +15,7 @@ from sma_actuator.base.signals import Signals
 from sma_actuator.bench import TWINS, Spring, Weight
 from sma_actuator.config import Config
 from sma_actuator.diagnosis.trace import Evidence, trace
+from sma_actuator.diagnosis.trace.amounts import floor_percent, news_percent
 from sma_actuator.diagnosis.trace.analysis import quantities
 from sma_actuator.diagnosis.trace.candidates import candidate, scales_of, untestable
 from sma_actuator.diagnosis.trace.covariance import FORMS, NEARLY
@@ -455,7 +456,7 @@ def test_what_follows_the_wire_follows_it_and_not_the_model(clean, monkeypatch, 
     monkeypatch.setattr(clean.logs, "measured_m", followed_m)
     after, without = clean.predict({name: effect}), clean.predict({})
     of_the_model = [dataclasses.replace(a, expected_m=b.expected_m) for a, b in zip(after, without, strict=True)]
-    whole, alone, nothing = (clean.news_percent(p).mean() for p in (after, of_the_model, without))
+    whole, alone, nothing = (news_percent(clean, p).mean() for p in (after, of_the_model, without))
     # What is expected is known at the readings compared, with straight lines between them.
     assert whole < 0.5 * alone < 0.2 * nothing
 
@@ -486,7 +487,7 @@ def test_a_wire_that_changed_while_it_was_calibrated_is_said_to_have(wire, confi
     longer_percent = np.concatenate(longer) / config.wire.full_stroke_m * 100
     assert 0.15 < longer_percent.min() < 0.25 and 0.45 < longer_percent.max() <= 0.5 + 1e-9
     # … and half of that may be wrong.
-    assert np.hypot(clean.floor_percent, 0.1) < evidence.floor_percent < np.hypot(clean.floor_percent, 0.25)
+    assert np.hypot(floor_percent(clean), 0.1) < floor_percent(evidence) < np.hypot(floor_percent(clean), 0.25)
     found = trace(evidence, without=all_but("voltage_offset"), jobs=1)
     assert "hot end moved by 2.0 %" in summary(evidence, found)["sentence"]
     assert "Train it first" in summary(evidence, found)["sentence"]

@@ -1,0 +1,49 @@
+"""How far off a model is on some logs, of every unit of them, in % of full stroke."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .witnesses import Prediction
+
+if TYPE_CHECKING:
+    from .evidence import Evidence
+
+
+def errors_percent(evidence: Evidence, predictions: Sequence[Prediction]) -> np.ndarray:
+    """Mean absolute error, shape (units,)."""
+    error_m = np.concatenate(
+        [np.abs(m - p.shown_m) for m, p in zip(evidence.logs.measured_m, predictions, strict=True)]
+    )
+    unit, good = np.concatenate(evidence.unit), np.isfinite(error_m)
+    number = np.bincount(unit[good], minlength=evidence.units)
+    sums_m = np.bincount(unit[good], error_m[good], minlength=evidence.units)
+    return sums_m / np.maximum(number, 1) / evidence.full_stroke_m * 100
+
+
+def news_percent(evidence: Evidence, predictions: Sequence[Prediction]) -> np.ndarray:
+    """Mean absolute size of the news, shape (units,)."""
+    return _compared_percent(evidence, np.abs(np.concatenate(evidence.of_displacement.news_m(predictions))))
+
+
+def floor_percent(evidence: Evidence) -> float:
+    """What that is in the mean where there are none, at these places and with these histories."""
+    if evidence.beyond_floor:
+        return 0.0
+    return float(_compared_percent(evidence, np.concatenate(evidence.of_displacement.floor_m)).mean())
+
+
+def samples_of_unit(evidence: Evidence) -> np.ndarray:
+    """Number of samples, shape (units,)."""
+    return np.bincount(np.concatenate(evidence.unit), minlength=evidence.units)
+
+
+def _compared_percent(evidence: Evidence, values_m: np.ndarray) -> np.ndarray:
+    """Mean of the samples compared, shape (units,)."""
+    unit = evidence.unit_of_row[: evidence.rows_of_samples]
+    number = np.bincount(unit, minlength=evidence.units)
+    sums_m = np.bincount(unit, np.nan_to_num(values_m), minlength=evidence.units)
+    return sums_m / np.maximum(number, 1) / evidence.full_stroke_m * 100
