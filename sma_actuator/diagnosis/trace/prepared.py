@@ -41,8 +41,8 @@ class Prepared:
         time_constant_s = config.thermal.heat_capacity / config.thermal.heat_loss
         step_s = max((log.period_s for log in logs if len(log) > 1), default=math.inf)
         thin = max(1, math.ceil(sum(map(len, logs)) / LARGEST), int(time_constant_s / (readings * step_s)))
-        whole = [piece for log in logs for piece in sessions(make_experiment(log, config))]
-        good = [_judged(experiment, chain()) for experiment in whole]
+        judged = [piece for log in logs for piece in _with_a_cycle(sessions(make_experiment(log, config)), chain)]
+        whole, good = [experiment for experiment, _ in judged], [rows for _, rows in judged]
         self.experiments = [_moving(experiment.rows(rows)) for experiment, rows in zip(whole, good, strict=True)]
         cycles = sum(int(experiment.cycle.max()) for experiment in self.experiments)
         if cycles < FEWEST_CYCLES:
@@ -113,6 +113,19 @@ class Prepared:
         return max(float(time_s[on[-1]][-1] - time_s[on[0]][0]) for on in self.sessions)
 
 
+def _with_a_cycle(pieces: Sequence[Experiment], chain: Callable[[], Chain]) -> list[tuple[Experiment, np.ndarray]]:
+    """Of the pieces of a log that paused, those that have a cycle of what counts, or the first if none has; and what
+    counts of each."""
+    judged = [(piece, _judged(piece, chain())) for piece in pieces]
+    return [(piece, rows) for piece, rows in judged if _cycled(piece.driven[rows])] or judged[:1]
+
+
+def _cycled(driven: np.ndarray) -> bool:
+    """Whether the current was switched on and off again."""
+    turns = np.diff(driven.astype(int))
+    return bool((turns > 0).any() and (turns < 0).any())
+
+
 def _judged(experiment: Experiment, chain: Chain) -> np.ndarray:
     """Which samples count, bool, shape (n,): those with a reference that the chain does not drop."""
     quality = chain.run(experiment.signals).quality
@@ -151,8 +164,7 @@ def _moving(experiment: Experiment) -> Experiment:
                 f"{experiment.log.source}: {name} never moves ({values[0]:.4g} {unit} throughout); a log of a wire "
                 f"that is driven is wanted"
             )
-    turns = np.diff(experiment.driven.astype(int))
-    if not ((turns > 0).any() and (turns < 0).any()):
+    if not _cycled(experiment.driven):
         raise BenchLogError(
             f"{experiment.log.source}: is shorter than a cycle: the current must be switched on and off again at least "
             f"once"

@@ -43,6 +43,7 @@ from sma_actuator.estimation.effects.frame import Frame
 from sma_actuator.estimation.effects.free import size
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.errors import BenchLogError
+from sma_actuator.logs.experiments import make_experiment
 
 
 @pytest.fixture(scope="module")
@@ -836,6 +837,21 @@ def test_what_happened_at_once_does_not_make_readings_count_as_fewer(clean):
     white = rng.standard_normal(n)
     slipped = (white + 20.0 * (np.arange(n) > 0.43 * n)) * clean.sample_weight
     assert rows.smooth.as_one(clean, np.append(slipped, np.zeros(len(rows.plain) - n))) < 1.5
+
+
+def test_of_a_log_that_paused_a_piece_without_a_cycle_does_not_count(wire, config):
+    """A busy machine's recording pauses anywhere, also just before and just after the current is switched on."""
+    log = session(wire[0])[0]
+    driven = make_experiment(log, config).driven.astype(int)
+    on = int(np.flatnonzero(np.diff(driven) > 0)[3])
+    off = int(np.flatnonzero(np.diff(driven) < 0)[np.flatnonzero(np.diff(driven) < 0) > on][0])
+    second = round(1.0 / log.period_s)
+    kept = np.ones(len(log), dtype=bool)
+    kept[on - 3 * second : on - second // 2] = kept[(on + off) // 2 : off + 2 * second] = False
+    paused = BenchLog({name: values[kept] for name, values in log.columns.items()}, log.metadata)
+    evidence = Evidence([paused], config)
+    assert [t.log.source[-8:] for t in evidence.logs.experiments] == ["(1 of 3)", "(3 of 3)"]
+    assert len(evidence.logs.sessions) == 1
 
 
 @pytest.mark.parametrize("what", ["time_s", "place", "stress_Pa", "power_W"])
