@@ -2,7 +2,8 @@
 
 An alpha-beta filter, which follows a steady motion without lag (critically damped: R. J. Kalata, "The tracking index: a
 generalized parameter for α-β and α-β-γ target trackers", IEEE Trans. AES-20 (1984) 174).  How noisy the position is,
-its own second differences tell: a wire moves evenly from one reading to the next, noise does not.
+its own second differences tell, and how each goes with the one before: those of noise turn round, those of a wire that
+speeds up or slows down, quickly for so few readings, do not.
 """
 
 from __future__ import annotations
@@ -13,14 +14,15 @@ from math import inf, isfinite, nan, sqrt
 NOISE_TIME_s = 2.0
 #: The filter's own time is never longer than this: a wire in air is slower.
 SLOWEST_s = 0.4
-#: Variance of the second difference of white noise over that of the noise.
-_SECOND_DIFFERENCE = 6.0
+#: What the product of two second differences of white noise, one after the other, is in the mean: so many times its
+#: variance.
+_IN_A_ROW = -4.0
 
 
 class Smoother:
     """Follows one position; what it has learned of the noise outlasts :meth:`reset`."""
 
-    __slots__ = ("_before_m", "_step_m", "_step_s", "_variance_m2", "position_m", "velocity_m_s")
+    __slots__ = ("_before_m", "_second_m", "_step_m", "_step_s", "_variance_m2", "position_m", "velocity_m_s")
 
     def __init__(self) -> None:
         self._variance_m2 = 0.0
@@ -29,13 +31,13 @@ class Smoother:
     @property
     def noise_m(self) -> float:
         """Noise of the position that comes in, rms [m]."""
-        return sqrt(self._variance_m2)
+        return sqrt(max(self._variance_m2, 0.0))
 
     def reset(self, position_m: float) -> None:
         """Begin at rest at a position; NaN: at the next."""
         self.position_m = self._before_m = position_m
         self.velocity_m_s = 0.0
-        self._step_m, self._step_s = 0.0, nan
+        self._step_m, self._step_s, self._second_m = 0.0, nan, nan
 
     def step(self, position_m: float, dt_s: float, allowed_m: float = inf) -> float:
         """The smoothed position after ``dt_s`` > 0, which noise moves by ``allowed_m`` from step to step, rms, or
@@ -54,9 +56,10 @@ class Smoother:
     def _learn(self, position_m: float, dt_s: float) -> None:
         step_m = position_m - self._before_m
         if self._step_s > 0.0:
-            second_m = step_m - self._step_m * dt_s / self._step_s
-            part = dt_s / (NOISE_TIME_s + dt_s)
-            self._variance_m2 += part * (second_m**2 / _SECOND_DIFFERENCE - self._variance_m2)
+            before_m, self._second_m = self._second_m, step_m - self._step_m * dt_s / self._step_s
+            if isfinite(before_m):
+                part = dt_s / (NOISE_TIME_s + dt_s)
+                self._variance_m2 += part * (self._second_m * before_m / _IN_A_ROW - self._variance_m2)
         self._before_m, self._step_m, self._step_s = position_m, step_m, dt_s
 
     def _share(self, dt_s: float, allowed_m: float) -> float:

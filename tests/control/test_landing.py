@@ -152,9 +152,14 @@ def test_what_is_no_number_changes_nothing(config, arguments):
     assert law.step(LONG_m, LONG_m, DT_s, 0.4) == pytest.approx(0.2)
 
 
-@pytest.mark.parametrize("law", ["pid", "feed_forward_pid"])
-def test_it_goes_less_far_beyond_a_step_than_one_that_waits_until_it_sees_itself_arrive(law, monkeypatch):
-    """By the bench's truth, % of the way; from the extended wire to where half of its stroke is left, and on."""
+@pytest.mark.parametrize(("law", "most", "of_the_other"), [("pid", 0.015, 1.0), ("feed_forward_pid", 0.06, 0.65)])
+def test_it_goes_less_far_beyond_a_step_than_one_that_waits_until_it_sees_itself_arrive(
+    law, most, of_the_other, monkeypatch
+):
+    """By the bench's truth, share of the way; from the extended wire to where half of its stroke is left, and on.
+
+    A PID that sees the wire without delay arrives as well by itself.
+    """
     beyond = []
     for free in (False, True):
         if free:
@@ -171,4 +176,4 @@ def test_it_goes_less_far_beyond_a_step_than_one_that_waits_until_it_sees_itself
                 rig.step()
                 found = max(found, (to_m - rig.bench.truth.displacement_m) / (from_m - to_m))
         beyond.append(found)
-    assert beyond[0] < 0.6 * beyond[1], beyond
+    assert beyond[0] < most and beyond[0] <= of_the_other * beyond[1], beyond
