@@ -46,7 +46,7 @@ class Tuner:
         if limit_A < bound_A:
             return (
                 f"heat and stress leave {limit_A:.4g} A, {bound_A:.4g} A are wanted (controller.tuning_current): "
-                "let the wire cool, take load off"
+                "let the wire cool, take load off, or let it be tuned with less (sma-actuator tune --current)"
             )
         return ""
 
