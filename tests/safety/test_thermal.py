@@ -392,7 +392,7 @@ class TestTransformsAt:
             power=PowerSection(
                 transformation_heating=(80.0, 60.0),
                 transformation_cooling=(50.0, 40.0),
-                transformation_shift=(1e-7, 1e-7),
+                transformation_shift=(3e-7, 1e-7),
                 latent_rise=20.0,
             ),
         )
@@ -428,7 +428,9 @@ class TestTransformsAt:
         half = replace(calibration, hot_end=replace(calibration.hot_end, contracted_resistance=()))
         assert Transforms(half, parameters).at_C(4.5, 1e8) == math.inf
         flat = replace(calibration, rest=replace(calibration.rest, cold_resistance=(4.0,)))
-        assert Transforms(flat, parameters).at_C(4.0, 1e8) == math.inf
+        assert [Transforms(flat, parameters).at_C(resistance_Ohm, 1e8) for resistance_Ohm in (4.0, 4.5)] == 2 * [
+            math.inf
+        ]
 
 
 def test_a_wire_that_shows_what_it_loses_is_left_more_power_and_no_more_than_is_safe(parameters):
