@@ -156,8 +156,9 @@ def test_lines_end_as_the_parameters_say(make_config, bench):
         supply.close()
 
 
-def test_an_end_that_does_not_come_names_the_parameter():
-    with SerialInstrument(lambda line: "1", says="\r") as line:
+@pytest.mark.parametrize("end", ["\r", ""])
+def test_an_end_that_does_not_come_names_the_parameter(end):
+    with SerialInstrument(lambda line: "1", says=end) as line:
         session = Session("supply", line.resource, Manner(), 0.3)
         session.open()
         with pytest.raises(InstrumentLost, match=r"'1' came, without the end of a line.*instruments.supply.read_term"):
