@@ -273,16 +273,35 @@ def test_a_line_that_cannot_be_set_so_is_given_back():
         assert not pyvisa.ResourceManager("@py").list_opened_resources()
 
 
+def test_what_has_come_is_asked_of_a_serial_line_alone():
+    """Any other has no bytes before they are asked for, and would wait for one until its time-out."""
+    library = Mock()
+    assert VisaStream(library, "GPIB::1::INSTR", Manner(), time.monotonic() + 10.0).unread() == b""
+    library.open_resource.return_value.visalib.read.assert_not_called()
+
+
 @pytest.mark.parametrize("call", ["send", "receive", "unread"])
-def test_a_line_that_is_closed_under_the_one_who_waits_is_a_broken_connection(call):
+def test_a_line_that_is_closed_under_the_one_who_waits_is_a_broken_connection(call, monkeypatch):
     """pyserial calls that have lost their file end in a TypeError."""
     with SerialInstrument(lambda line: None) as line:
         wire = VisaStream(pyvisa.ResourceManager("@py"), line.resource, Manner(), time.monotonic() + 10.0)
-        port = wire._visa.visalib.sessions[wire._visa.session].interface
-        fd, port.fd = port.fd, None
+        library = wire._visa.visalib
+        port = library.sessions[wire._visa.session].interface
+        fd = port.fd
+
+        def closed_meanwhile(then):
+            def ask(*args):
+                port.fd = None
+                return then(*args)
+
+            return ask
+
+        for name in ("write", "get_attribute"):
+            monkeypatch.setattr(library, name, closed_meanwhile(getattr(library, name)))
         deadline = () if call == "unread" else (time.monotonic() + 10.0,)
         data = (b"*IDN?\n",) if call == "send" else ()
-        with pytest.raises(OSError):
+        with pytest.raises(ConnectionAbortedError):
             getattr(wire, call)(*data, *deadline)
         port.fd = fd
+        monkeypatch.undo()
         wire.close()
