@@ -78,7 +78,11 @@ TARGETS = {
     "driver/statistics": ("tests/driver/test_statistics.py", *_DRIVER),
     "instruments/scpi": ("tests/instruments",),
     "instruments/supply": ("tests/instruments",),
-    **{f"instruments/{name}": ("tests/instruments",) for name in ("session", "byte_streams", "claim")},
+    **{
+        f"instruments/{name}": ("tests/instruments", "tests/driver/test_late_answers.py")
+        for name in ("session", "byte_streams")
+    },
+    "instruments/claim": ("tests/instruments",),
     "instruments/phrases": ("tests/instruments/test_phrases.py", "tests/instruments/test_dialects.py"),
     "instruments/dialect": ("tests/instruments",),
     "instruments/pymeasure_adapter": ("tests/instruments",),
