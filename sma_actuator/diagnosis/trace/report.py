@@ -108,7 +108,7 @@ def sentence(tracing: Tracing, depends: dict[str, float], alternatives: Sequence
     """The verdict as a colleague would say it: what it is, how sure that is, what to do next."""
     of, names = tracing.probabilities.of, _likeliest_first(tracing)
     nothing = of.get((NOTHING,), 0.0)
-    if tracing.verdict == "none":
+    if tracing.verdict == "none" or tracing.probabilities.best == (NOTHING,):
         return _nothing(tracing, nothing)
     if tracing.verdict == "traced":
         return _said(tracing, names, alternatives)
@@ -180,7 +180,8 @@ NEXT = {
 
 
 def _nothing(tracing: Tracing, share: float) -> str:
-    """That nothing is missing, or only that nothing else is more probable."""
+    """That nothing is missing, or that these logs do not rule out that something is, or that something is and they do
+    not tell what."""
     off = f"{tracing.news_percent['before'].mean():.2f} % of full stroke"
     if share >= LIMITS.enough:
         return (
@@ -189,8 +190,13 @@ def _nothing(tracing: Tracing, share: float) -> str:
         )
     others = [(n, p) for n, p in tracing.probabilities.by_name.items() if n != NOTHING and p >= LEAST_SAID]
     text = (
-        f"Nothing need be missing ({share:.0%}), but these logs do not rule it out: of the error {off} is not what the "
-        f"calibration lets expect, where {floor_percent(tracing.evidence):.2f} % is usual"
+        f"Nothing need be missing ({share:.0%}), but these logs do not rule it out"
+        if tracing.verdict == "none"
+        else f"Something is missing ({1.0 - share:.0%}), but these logs do not tell what"
+    )
+    text += (
+        f": of the error {off} is not what the calibration lets expect, where {floor_percent(tracing.evidence):.2f} % "
+        "is usual"
     )
     text += f", and it may be {_listed([f'{n} ({p:.0%})' for n, p in others[:MOST_NAMES]])}." if others else "."
     number = tracing.evidence.readings
