@@ -216,7 +216,7 @@ HOT = {"safety.stuck_time": 60.0, "safety.current_disagreement": 5.0, "safety.vo
 SITUATIONS = [
     Situation("wire.max_stress", 60e6, lambda rig: is_loaded(rig, 1.5)),
     Situation("loop.overruns_to_fault", 2, comes_late),
-    Situation("estimator.heating_power", 0.05, contracts, given={"estimator.branch_decision": "power"}),
+    Situation("estimator.heating_power", 0.5, contracts, given={"estimator.branch_decision": "power"}),
     Situation("estimator.heating_power_hysteresis", 0.5, contracts_and_comes_back),
     Situation("estimator.thermal_time_constant", 1.0),
     Situation("estimator.resistance_deadband", 0.1, given={"estimator.branch_decision": "resistance_rate"}),
@@ -239,7 +239,7 @@ SITUATIONS = [
     Situation("thermal.ambient_tolerance", 0.5),
     Situation("thermal.ambient_stuck_time", 1.0, has_a_stuck_ambient_sensor),
     Situation("thermal.transformed_temperature", 60.0),
-    Situation("thermal.derate_temperature", 45.0),
+    Situation("thermal.derate_temperature", 45.0, contracts),
     Situation("thermal.max_temperature", 80.0, given={"thermal.derate_temperature": 60.0}),
     Situation("safety.open_wire_current_fraction", 0.9, is_half_open, given={"safety.resistance_max": 500.0}),
     Situation("safety.load_min", -5.0, is_pushed),
@@ -288,9 +288,10 @@ def life(config: Config, situation: Situation, **told: Any) -> list[str]:
 
 
 def harm(outputs: list[Output]) -> tuple[float, float, float]:
-    """How much was let happen: current that flowed; where that is the same, faults not told; then heat not feared."""
+    """How much was let happen: heat, as the square of the current; where that is the same, faults not told; then heat
+    not feared."""
     return (
-        sum(output.command.current_A for output in outputs if output.command.output_on),
+        sum(output.command.current_A**2 for output in outputs if output.command.output_on),
         -sum(bool(output.status.fault) for output in outputs),
         -sum(float(output.status.values["temperature_at_most_C"]) for output in outputs),
     )
