@@ -94,7 +94,7 @@ class Estimate:
     uncertainty_m: float = nan  #: half of the 95 % interval; NaN where the model has none
 
     def with_uncertainty(self, uncertainty_m: float) -> Estimate:
-        """The same, as far off as ``uncertainty_m`` [m] at the most."""
+        """The same, with half of its 95 % interval [m]."""
         return Estimate(
             self.time_s,
             self.displacement_m,

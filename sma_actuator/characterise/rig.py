@@ -242,10 +242,5 @@ class Watch:
 
 def attended(config):
     """The parameters, with the margin of heat loss of a wire in the open that a person stays beside."""
-    thermal = config.thermal
-    beside_it = dataclasses.replace(
-        thermal,
-        heat_loss_margin=min(thermal.heat_loss_margin, ATTENDED_MARGIN),
-        unwatched_margin=min(thermal.unwatched_margin, ATTENDED_MARGIN),
-    )
-    return dataclasses.replace(config, thermal=beside_it)
+    margin = min(config.thermal.heat_loss_margin, ATTENDED_MARGIN)
+    return dataclasses.replace(config, thermal=dataclasses.replace(config.thermal, heat_loss_margin=margin))

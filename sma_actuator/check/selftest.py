@@ -20,7 +20,7 @@ from sma_actuator.config import BenchConfig, Config
 from sma_actuator.derived import not_survived
 from sma_actuator.estimation.circuit import signals_from_reading
 from sma_actuator.instruments import Clock, Daq, InstrumentError, PowerSupply
-from sma_actuator.safety.supervisor import unwatched_s
+from sma_actuator.safety.supervisor import may_flow_W, unwatched_s
 from sma_actuator.safety.thermal import WireHeat
 
 from .pace import LEAST_RATE_Hz, Pace
@@ -500,10 +500,9 @@ class SelfTest:
         config, thermal = self._config, self._config.thermal
         heat = WireHeat(thermal)
         heat.cools, heat.at_most_C = False, thermal.transformed_temperature
-        by_margin = {"heat_loss_margin": heat.power_limit_W(unwatched_s(config), thermal)}
-        if config.supply.watchdog_timeout == 0.0:
-            by_margin["unwatched_margin"] = heat.power_for_ever_W(thermal)
-        name, most_W = min(by_margin.items(), key=lambda each: each[1])
+        most_W, name = min(
+            zip(may_flow_W(heat, config, unwatched_s(config)), ("heat_loss_margin", "unwatched_margin"), strict=True)
+        )
         held_C = thermal.ambient_temperature + most_W / thermal.heat_loss
         said = (
             f"no more than {math.sqrt(most_W / self._resistance_Ohm) * 1e3:.3g} mA flow, of which the wire comes to "

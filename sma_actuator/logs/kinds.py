@@ -27,7 +27,7 @@ from .experiments import (
 FULL, PARTIAL, MANY, FOLLOWED = "pulses", "partial", "fatigue", "followed"
 #: Currents held one after the other, and setpoints followed by a control law: partial cycles that are never cut, since
 #: each stands on those before.
-WHOLE = ("levels", "followed")
+WHOLE = ("levels", FOLLOWED)
 #: In the metadata of an experiment: how many full cycles its log has beside those that are fitted.
 LEFT_OUT = "cycles_left_out"
 _WINDOW_s = 1.0  #: over which a load is steady or not

@@ -29,6 +29,13 @@ def unwatched_s(config: SafetySections) -> float:
     return max(config.supply.watchdog_timeout, config.safety.reading_timeout) + 1.0 / config.loop.rate
 
 
+def may_flow_W(heat: WireHeat, config: SafetySections, until_s: float) -> tuple[float, float]:
+    """Power that may flow on for ``until_s`` by thermal.heat_loss_margin, and where no watchdog cuts it for ever by
+    thermal.unwatched_margin."""
+    for_ever_W = inf if config.supply.watchdog_timeout > 0.0 else heat.power_for_ever_W(config.thermal)
+    return heat.power_limit_W(until_s, config.thermal), for_ever_W
+
+
 class Supervisor:
     """Watches one wire; latches faults; passes, lowers or cuts the command."""
 
@@ -158,9 +165,7 @@ class Supervisor:
         """Highest current that the heat leaves [A]: what may flow on, if nobody looks any more, until the supply's
         watchdog cuts it; where there is none also for ever."""
         supply, thermal = self.config.supply, self.config.thermal
-        power_W = self.heat.power_limit_W(self._unwatched_s, thermal)
-        if supply.watchdog_timeout == 0.0:
-            power_W = min(power_W, self.heat.power_for_ever_W(thermal))
+        power_W = min(may_flow_W(self.heat, self.config, self._unwatched_s))
         heat_A = sqrt(max(power_W, 0.0) / self._resistance_Ohm)
         derated_A = derated_limit_A(self.heat.temperature_C, supply.max_current, supply.bias_current, thermal)
         return max(supply.bias_current, min(heat_A, derated_A))  # in an order that leaves the bias where heat_A is NaN

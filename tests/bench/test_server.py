@@ -1,7 +1,6 @@
 """The bench as a process and over TCP: real time, several clients, faults of the connection, a clean end."""
 
 import contextlib
-import functools
 import json
 import signal
 import socket
@@ -184,35 +183,28 @@ def test_a_machine_that_sleeps_delays_the_bench_and_does_not_freeze_it():
     assert bench.time_s == pytest.approx(lag_from_s + 0.1, abs=2e-3)
 
 
+@contextlib.contextmanager
+def serving(tmp_path, *words):
+    """(process, ports) of a bench with these options; killed in the end."""
+    ports_file = tmp_path / "ports.json"
+    command = [sys.executable, "-m", "sma_actuator", "bench", *words, "--supply-port", "0", "--daq-port", "0"]
+    process = subprocess.Popen(
+        [*command, "--ports-file", str(ports_file)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        poll(lambda: ports_file.exists() or process.poll() is not None, within_s=150.0)
+        yield process, json.loads(ports_file.read_text())
+    finally:
+        process.kill()
+        process.communicate()
+
+
 @pytest.mark.parametrize(
     "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.long)], ids=lambda s: s.name
 )
 def test_the_command_serves_many_benches_and_ends_clean(tmp_path, number):
-    ports_file = tmp_path / "ports.json"
-    command = [
-        sys.executable,
-        "-m",
-        "sma_actuator",
-        "bench",
-        "--wire",
-        "furukawa",
-        "--load",
-        "spring:100,0.5",
-        "--count",
-        "2",
-        "--supply-port",
-        "0",
-        "--daq-port",
-        "0",
-        "--ports-file",
-        str(ports_file),
-        "--fault",
-        "load_spike=2@0.01",
-    ]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    try:
-        poll(lambda: ports_file.exists() or process.poll() is not None, within_s=150.0)
-        ports = json.loads(ports_file.read_text())
+    words = ("--wire", "furukawa", "--load", "spring:100,0.5", "--count", "2", "--fault", "load_spike=2@0.01")
+    with serving(tmp_path, *words) as (process, ports):
         assert len({p[k] for p in ports for k in ("supply", "daq")}) == 4
         first, second = Connection(ports[0]["supply"]), Connection(ports[1]["supply"])
         assert first.ask("*IDN?").split(",")[2] != second.ask("*IDN?").split(",")[2]
@@ -224,9 +216,6 @@ def test_the_command_serves_many_benches_and_ends_clean(tmp_path, number):
         assert output.count("TCPIP::127.0.0.1::") == 4
         first.close()
         second.close()
-    finally:
-        process.kill()
-        process.communicate()
 
 
 @pytest.mark.parametrize(
@@ -246,10 +235,6 @@ def test_a_wrong_option_is_refused_in_a_sentence(option, value, word, capsys):
     assert ended.value.code == 2 and word in capsys.readouterr().err
 
 
-def opened_or_ended(ports_file, process):
-    return ports_file.exists() or process.poll() is not None
-
-
 def test_the_process_serves_the_physics_that_was_asked_for(tmp_path):
     """A wire of the measured distribution is not all martensite at room temperature; the cosine's is, and
     the fourth that nobody chose lies between (0.990)."""
@@ -257,32 +242,12 @@ def test_the_process_serves_the_physics_that_was_asked_for(tmp_path):
         physics: VirtualBench.from_name("flexinol", physics=physics).truth.martensite
         for physics in ("liang_rogers", "measured")
     }
-    ports_file = tmp_path / "ports.json"
-    command = [
-        sys.executable,
-        "-m",
-        "sma_actuator",
-        "bench",
-        "--physics",
-        "drawn-4",
-        "--supply-port",
-        "0",
-        "--daq-port",
-        "0",
-        "--ports-file",
-        str(ports_file),
-    ]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    try:
-        poll(functools.partial(opened_or_ended, ports_file, process), within_s=150.0)
-        connection = Connection(json.loads(ports_file.read_text())[0]["supply"])
+    with serving(tmp_path, "--physics", "drawn-4") as (process, ports):
+        connection = Connection(ports[0]["supply"])
         shares["drawn-4"] = float(connection.ask("BENC:TRUT?").split(",")[4])
         connection.close()
         process.send_signal(signal.SIGINT)
         assert process.wait(timeout=150) == 0
-    finally:
-        process.kill()
-        process.communicate()
     assert shares["liang_rogers"] == 1.0 and 0.8 < shares["measured"] < 0.98 < shares["drawn-4"] < 0.995
 
 
