@@ -9,6 +9,7 @@ import atexit
 import functools
 import json
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -93,6 +94,18 @@ class Bench:
         self.process.wait()
 
 
+def _in_short(words):
+    """What a node has written, with its stacks as one line per thread: a record of a run is cut in its middle."""
+    lines = []
+    for line in words.splitlines():
+        where = re.fullmatch(r'  File "(?:.*/)?([^/]+)", line (\d+) in (.*)', line)
+        if where is None:
+            lines.append(line)
+        elif "threading.py" not in line:
+            lines[-1] += " < " + ":".join(where.groups())
+    return "\n".join(filter(None, lines))
+
+
 class NodeProcess:
     """The node's process."""
 
@@ -116,7 +129,7 @@ class NodeProcess:
             written = len(self.words)
             self.popen.send_signal(SHOW_STACKS)
             wait_until(lambda: "most recent call first" in self.words[written:], what="the stacks")
-        return f"the node ({self.popen.poll()}) says:\n{self.words}\n"
+        return f"the node ({self.popen.poll()}) says:\n{_in_short(self.words)}\n"
 
     def says(self, text):
         """Wait until the node has written ``text``."""
@@ -164,6 +177,7 @@ class Client:
         self._publishers = {}
         self.services = {}
         self.received = {}
+        self._others = []
 
     def spin_until(self, condition, timeout_s=SOON_s, what="it"):
         """Handle callbacks until ``condition`` is true; its value."""
@@ -212,22 +226,29 @@ class Client:
             self.services[service] = self.node.create_client(kind, service)
         client = self.services[service]
         self.spin_until(client.service_is_ready, what=service)
-        asked = []
+        asking, asked = [client], []  # that wait for the service, and what was asked
         again_s = AGAIN_ONCE_s if service.endswith(ONCE) else AGAIN_s
+        begun_s = time.monotonic()
 
         def answer():
-            # A new client may have been found where the first was not.
-            if time.monotonic() > again_s * len(asked) + begun_s:
-                asking = self.node.create_client(kind, service) if asked else client
-                asked.append(asking.call_async(request or kind.Request()))
+            # Another participant is heard where this one is not: once one was not for 150 s, whatever it made anew.
+            if not asking and time.monotonic() > begun_s + again_s * len(asked):
+                self._others.append(Client())
+                asking.append(self._others[-1].node.create_client(kind, service))
+            for other in self._others:
+                other.executor.spin_once(timeout_sec=0.0)
+            for ready in [each for each in asking if each.service_is_ready()]:
+                asking.remove(ready)
+                asked.append(ready.call_async(request or kind.Request()))
             return next((future.result() for future in asked if future.done()), None)
 
-        begun_s = time.monotonic()
         return self.spin_until(answer, what=f"answer of {service}")
 
     def close(self):
         import rclpy
 
+        for other in self._others:
+            other.close()
         self.executor.shutdown()
         self.node.destroy_node()
         rclpy.try_shutdown(context=self.context)
