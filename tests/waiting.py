@@ -12,9 +12,15 @@ STALL_LOOK_s = 0.005
 SOON_s = 150.0  #: bound of waits that normally take under a second; a busy machine starts a process in half a minute
 
 
+PATIENT_TIMEOUT_s = 1.4  #: of either instrument: both and a period are within the reading's
 #: Parameters of a node on a machine that may stop a process for some tenths of a second, which it rightly takes for a
 #: lost instrument or an overrun; what it does then is tested in tests/driver, in the bench's own time.
-PATIENT_NODE = {"safety.reading_timeout": 3.0, "supply.watchdog_timeout": 3.0, "loop.overruns_to_fault": 100}
+PATIENT_NODE = {
+    "safety.reading_timeout": 3.0,
+    "supply.watchdog_timeout": 3.0,
+    "loop.overruns_to_fault": 100,
+    **{f"instruments.{name}.timeout": PATIENT_TIMEOUT_s for name in ("supply", "daq")},
+}
 #: The same at the end of its command line.
 AS_ARGUMENTS = "".join(f" -p {name}:={value}" for name, value in PATIENT_NODE.items())
 

@@ -14,6 +14,7 @@ from types import SimpleNamespace
 import pytest
 import yaml
 from characterised import bench_mapping
+from waiting import PATIENT_NODE, PATIENT_TIMEOUT_s
 
 from sma_actuator.base.signals import Reading
 from sma_actuator.bench import VirtualBench
@@ -33,7 +34,9 @@ def bench(tmp_path_factory):
     with background(VirtualBench.from_name("flexinol")) as server:
         for name in ("supply", "daq"):
             resource = f"TCPIP::127.0.0.1::{server.ports[0][name]}::SOCKET"
-            mapping["instruments"][name]["resource"] = resource
+            mapping["instruments"][name] |= {"resource": resource, "timeout": PATIENT_TIMEOUT_s}
+        mapping["safety"]["reading_timeout"] = PATIENT_NODE["safety.reading_timeout"]
+        mapping["supply"]["watchdog_timeout"] = PATIENT_NODE["supply.watchdog_timeout"]
         path = tmp_path_factory.mktemp("bench") / "bench.yaml"
         path.write_text(yaml.safe_dump({"sma_actuator": {"ros__parameters": mapping}}))
         hands = ScpiBenchOperator(mapping["instruments"]["daq"]["resource"], 3.0)

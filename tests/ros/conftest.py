@@ -38,8 +38,7 @@ def make_config(make_config):
     """
     identified = read_parameter_file(ROOT / "config" / "flexinol.yaml")
     real = {section: identified[section] for section in ("model", "controller", "thermal", "estimator")}
-    real |= PATIENT_NODE | {f"instruments.{name}.timeout": 1.4 for name in ("supply", "daq")}
-    return lambda **changes: make_config(**{**real, **changes})
+    return lambda **changes: make_config(**{**real, **PATIENT_NODE, **changes})
 
 
 @pytest.fixture(scope="module")
