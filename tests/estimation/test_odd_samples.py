@@ -51,14 +51,15 @@ def shown(displacement_m, strain, velocity_m_s, quality):
     return quality == Quality.INVALID or all(map(isfinite, (displacement_m, strain, velocity_m_s)))
 
 
+@pytest.mark.parametrize("examples", [40, pytest.param(150, marks=pytest.mark.long)])
 @pytest.mark.parametrize("effects", [None, SLIP_AND_CREEP], ids=["plain", "with effects"])
 @pytest.mark.parametrize("model", ["flexinol", "furukawa", "flexinol_normalised", "furukawa_normalised"])
-def test_an_estimate_that_is_no_number_is_invalid(model, effects):
+def test_an_estimate_that_is_no_number_is_invalid(model, effects, examples):
     config = Config.load(CONFIG / f"{model}.yaml")
     if effects:
         config = config.replace({"effects": effects})
 
-    @settings(max_examples=150, deadline=None, derandomize=True)
+    @settings(max_examples=examples, deadline=None, derandomize=True)
     @given(SAMPLES)
     def holds(samples):
         live, replay = Chain(config), Chain(config)

@@ -54,7 +54,7 @@ def hottest_C(rig, seconds):
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-@pytest.mark.parametrize("divisor", [1.0, 2.0, 3.0])
+@pytest.mark.parametrize("divisor", [*(pytest.param(less, marks=pytest.mark.long) for less in (1.0, 2.0)), 3.0])
 def test_all_the_current_there_is_for_ever_leaves_an_enclosed_wire_below_its_limit(name, divisor):
     rig = greedy(name, 1.0 / divisor)
     rig.enable()
@@ -108,7 +108,7 @@ def test_without_a_watchdog_a_killed_computer_leaves_a_current_that_the_wire_sur
 
 
 @pytest.mark.parametrize("wire", WIRES)
-@pytest.mark.parametrize("ambient_C", [15.0, 24.0])
+@pytest.mark.parametrize("ambient_C", [15.0, pytest.param(24.0, marks=pytest.mark.long)])
 def test_without_a_watchdog_a_wire_contracts_wholly_and_is_safe_as_long_as_anybody_looks(wire, ambient_C):
     """As `init` writes it for most supplies; held at 67 to 78 °C a ninth was martensite still, for ever."""
     unwatched = {"supply.watchdog_timeout": 0.0, "supply.allow_no_watchdog": True, "thermal.unwatched_margin": 1.25}

@@ -117,7 +117,7 @@ def follow(rig, parts, dwell_s, said=("",)):
 
 @pytest.mark.parametrize(
     "load",
-    [LOADS[0], pytest.param(LOADS[1], marks=pytest.mark.long), LOADS[2]],
+    [LOADS[0], *(pytest.param(spring, marks=pytest.mark.long) for spring in LOADS[1:])],
     ids=("weight", "spring", "stiff spring"),
 )
 def test_the_wire_follows_over_its_whole_working_range_and_never_latches_hot(identified, load):

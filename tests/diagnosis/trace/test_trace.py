@@ -72,8 +72,20 @@ def beside(evidence, right, wrong):
     return found, next(why for why in whys(evidence, found) if why.names == (wrong,))
 
 
-def test_where_nothing_is_hidden_nothing_is_most_probable(clean):
-    found = trace(clean, jobs=1)
+#: A competition of a few candidates of every stage takes a quarter of the time of one of all.
+OF_SOME_AND_OF_ALL = pytest.mark.parametrize(
+    "without",
+    [
+        all_but("voltage_offset", "lead_resistance", "slip", "creep", "reference_gain", "load_cell_drift"),
+        pytest.param([], marks=pytest.mark.long),
+    ],
+    ids=("some", "all"),
+)
+
+
+@OF_SOME_AND_OF_ALL
+def test_where_nothing_is_hidden_nothing_is_most_probable(clean, without):
+    found = trace(clean, without=without, jobs=1)
     assert found.verdict == "none" and found.fit is None and found.names == []
     assert found.probabilities.best == (NOTHING,)
     assert sum(found.probabilities.of.values()) == pytest.approx(1.0)
@@ -145,8 +157,9 @@ def test_two_effects_are_both_found(wire, config):
     ],
     ids=("hum", "contact_bounce", "thermo_voltage"),
 )
-def test_what_has_no_name_stays_without(wire, config, hidden, by_its_form):
-    found = traced(wire, config, hidden)
+@OF_SOME_AND_OF_ALL
+def test_what_has_no_name_stays_without(wire, config, hidden, by_its_form, without):
+    found = trace(Evidence(session(wire[0], hidden), config), without=without, jobs=1)
     assert found.verdict == "unexplained" and found.names == []
     said = sentence(found, {}, [])
     assert "There is an error that no candidate explains" in said
@@ -607,7 +620,7 @@ def test_bad_logs_are_refused_in_a_sentence(wire, config, spoil, said):
 @pytest.fixture(scope="module")
 def a_lead(wire, config):
     """(evidence, tracing) of a session with a lead of 0.03 Ω more."""
-    evidence = Evidence(session(wire[0], {"lead_resistance": 0.03}), config)
+    evidence = Evidence(session(wire[0], {"lead_resistance": 0.03}, logs=1), config)
     return evidence, trace(evidence, jobs=1)
 
 

@@ -25,7 +25,7 @@ from sma_actuator.replay import estimate_m
 def traced(wire, tmp_path_factory):
     """(folder, logs, model) of a session with a zero error of the voltage channel, traced."""
     folder = tmp_path_factory.mktemp("traced")
-    logs = write(session(wire[0], {"voltage_offset": 0.004}), folder)
+    logs = write(session(wire[0], {"voltage_offset": 0.004}, logs=1), folder)
     model = write_model(wire[1], folder / "wire.yaml")
     assert main(["trace", *logs, "--config", model, "--out", str(folder / "out"), "--jobs", "1"]) == 0
     return folder, logs, model
