@@ -24,6 +24,8 @@ _AGREE = 0.8  #: share of the logs in which it moves the same way
 _ALIKE = 0.1  #: share by which the times may differ that two pulses are heated for
 _AS_HOT = 0.01  #: and the currents with which they end: one of the next lower power is another end
 _HOT_PART = 0.25  #: of the time driven, at its end
+#: Share of the full stroke that a pulse may still move in that part of it: one that a guard held back ends on its way.
+_OVER = 0.01
 
 
 def words_of(change_m: float, full_stroke_m: float) -> str:
@@ -45,7 +47,7 @@ def change_while_measured_m(logs: Sequence[BenchLog], config) -> float:
     moved_m, change_m = [], 0.0
     for number in np.unique(load):
         here = [t for t, chosen in zip(experiments, load == number, strict=True) if chosen]
-        found_m = [m for t in here if t.constant_load for m in _moved_m(t)]
+        found_m = [m for t in here if t.constant_load for m in _moved_m(t, config.wire.full_stroke_m)]
         moved_m += found_m
         if found_m:
             change_m += float(np.mean(found_m)) * sum(int(t.cycle[-1]) for t in here)
@@ -57,7 +59,7 @@ def change_while_measured_m(logs: Sequence[BenchLog], config) -> float:
     return abs(change_m) if abs(mean_m) >= stands * config.wire.full_stroke_m and same_way >= _AGREE else 0.0
 
 
-def _moved_m(experiment: Experiment) -> list[float]:
+def _moved_m(experiment: Experiment, full_stroke_m: float) -> list[float]:
     """How far the hot end of a log moves with a pulse that is like the one before; nothing where none is, and of
     partial cycles."""
     if experiment.kind == PARTIAL:  # a quick wire goes any way between two readings, so their times tell nothing
@@ -69,13 +71,16 @@ def _moved_m(experiment: Experiment) -> list[float]:
         if not len(driven):
             return []
         last = driven[-max(3, round(_HOT_PART * len(driven))) :]
-        shown = (experiment.signals.current_A[last], experiment.displacement_m[last])
-        current_A, end_m = (float(np.median(values)) for values in shown)
-        pulses.append((len(driven), current_A, end_m))
+        places_m = experiment.displacement_m[last]
+        current_A, end_m = (float(np.median(values)) for values in (experiment.signals.current_A[last], places_m))
+        n = len(places_m)
+        moves_m = float(np.median(places_m[n // 2 :]) - np.median(places_m[: (n + 1) // 2]))
+        pulses.append((len(driven), current_A, end_m if abs(moves_m) < _OVER * full_stroke_m else np.nan))
     moved_m = [
         end_m - before_m
         for (long, before_A, before_m), (heated, current_A, end_m) in itertools.pairwise(pulses)
         if abs(heated - long) <= _ALIKE * 0.5 * (heated + long) + 1.0
         and abs(current_A - before_A) <= _AS_HOT * before_A
     ]
+    moved_m = [each for each in moved_m if np.isfinite(each)]
     return [float(np.mean(moved_m))] if moved_m else []

@@ -66,3 +66,13 @@ def test_currents_that_are_held_say_nothing_of_training():
 def test_nothing_is_said_of_a_wire_that_is_trained():
     logs, config = pulses(250.0)
     assert change_while_measured_m(logs, config) == 0.0
+
+
+def test_pulses_that_end_on_their_way_say_nothing_of_training():
+    """As where a guard holds the current back; warmer from pulse to pulse, each goes further than the one before."""
+    logs = []
+    for load_N in LOADS_N:
+        _, rig, _ = virtual_rig("flexinol", seed=3, load=Weight(load_N))
+        with rig.opened():
+            logs.append(rig.record(square_pulses(3, 0.34, 0.05, 1.6, 2.0)))
+    assert change_while_measured_m(logs, rig.config) == 0.0
