@@ -39,13 +39,16 @@ AT_LIMIT_K = 1.0
 SMOOTH_s, LONG_AGO_s = 0.2, 1.0
 #: Share by which a load changes from one reading to the next where it is another one.
 OTHER_LOAD = 0.03
-#: Time, in the wire's time constants without its latent heat, up to which heat that flows and does not stay counts as
-#: heat that is lost.
+#: So often a load may turn lately, as a weight that swings, before it counts as noise.
+MOST_TURNS = 2.0
+#: Time, in the wire's time constants without its latent heat, over which power and rise are averaged to tell the loss.
 LOSING_TIMES = 8
 #: The most that latent heat takes of it, as a rise of temperature; wires that were measured: 20 to 30 K.
 LATENT_K = 40.0
-#: A cover that is put over the wire may leave this share of the loss that it has shown in the time that nobody looks.
-SUDDENLY = 0.75
+#: What a wire may lose less in the time that nobody looks leaves this share of the loss that it has shown.  One that
+#: transforms may be at 150 °C for all that is known; with less than 0.83 it would never be let warmer than it is,
+#: however cold that is.  With 0.9 it warms by a twelfth every LOSING_TIMES, until its resistance says that it is hot.
+SUDDENLY = 0.9
 #: Temperatures by the heat balance rest on a heat capacity that nobody measured: above the surroundings they may be so
 #: many times higher.  Wires of one alloy have 0.85 to 1.2 of the usual; by geometry, a wire that hangs vertically loses
 #: a fifth less than one that lies.
@@ -169,7 +172,7 @@ def hottest_C(
     shown_Ohm, least_Ohm, was_N = state[first + _SHOWN_Ohm], state[first + _LEAST_Ohm], state[first + _LOAD_N]
     if not (isfinite(shown_Ohm) and gap_s < LONG_AGO_s):
         shown_Ohm, least_Ohm = resistance_Ohm, nan
-    elif abs(load_N - was_N) > OTHER_LOAD * abs(was_N):
+    elif _is_other(load_N, was_N):
         least_Ohm += resistance_Ohm - shown_Ohm
         shown_Ohm = resistance_Ohm
     shown_Ohm -= expm1(-gap_s / SMOOTH_s) * (resistance_Ohm - shown_Ohm)
@@ -181,6 +184,12 @@ def hottest_C(
     if not least_Ohm > 0.0:  # not known; or of no wire, as where the leads alone are measured
         return inf
     return transformed_C + (shown_Ohm - least_Ohm) / (LEAST_SLOPE_1_K * least_Ohm)
+
+
+@jit
+def _is_other(load_N: float, was_N: float) -> bool:
+    """Whether a load is another one than that of the reading before."""
+    return abs(load_N - was_N) > OTHER_LOAD * abs(was_N)
 
 
 def begin_thermometer(state: Floats, first: int) -> None:
@@ -238,10 +247,9 @@ def _transforms_at_C(row: Floats, resistance_Ohm: float, stress_Pa: float, shift
     return highest_C if isfinite(highest_C) else inf
 
 
-#: What of shown loss is remembered: time, heat that flowed and rise by time, all in all; when the last stretch began;
-#: how many have begun; then the heat and the rise at which each of the last began.
-_TIME_s, _FLOWED_J, _RISE_K_s, _MARKED_s, _MARKED, _MARKS = range(6)
-SHOWN_LOSS = _MARKS + 2 * LOSING_TIMES
+#: What of shown loss is remembered: the power and the rise, both smooth.
+_POWER_W, _RISE_K = range(2)
+SHOWN_LOSS = 2
 
 
 @jit
@@ -250,35 +258,47 @@ def shown_loss_W_K(
 ) -> float:
     """How much heat a wire loses at the least [W/K], by what flowed into it and did not make it hotter than it can be.
 
-    Of what flowed over a stretch of time, what may have stayed is taken off, to warm the wire from the coldest
-    surroundings and to transform it; the rest was lost, at no higher a temperature than it had at most.  That holds of
-    every stretch up to now: the one that shows most counts, 0 where nothing is known yet.
+    A wire's rise is its power over its loss, smoothed by its own time constant, but for what latent heat takes.  So
+    both smoothed by a longer one stand in the same proportion, whatever the power did.  With :data:`LOSING_TIMES` of
+    the parameters' that holds of every wire that loses more than so many times less than they say; 0 below that.
 
     ``power_W``: in the wire alone, 0 or NaN where none was measured; ``rise_K``: how much hotter than the coldest
     surroundings it can be.  What is remembered begins at the ``first`` of ``state``, with zeros.
     """
     if not 0.0 < dt_s < inf:
         dt_s = 0.0
-    state[first + _TIME_s] += dt_s
-    state[first + _FLOWED_J] += dt_s * (power_W if isfinite(power_W) else 0.0)
-    state[first + _RISE_K_s] += dt_s * rise_K
-    flowed_J, rise_K_s = state[first + _FLOWED_J], state[first + _RISE_K_s]
-    stayed_J = capacity_J_K * (rise_K + LATENT_K)
-    shown_W_K, marked = 0.0, int(state[first + _MARKED])
-    for k in range(first + _MARKS, first + _MARKS + 2 * min(marked + 1, LOSING_TIMES), 2):
-        over_K_s = rise_K_s - state[k + 1]
-        if over_K_s > 0.0:
-            shown_W_K = max(shown_W_K, (flowed_J - state[k] - stayed_J) / over_K_s)
-    if state[first + _TIME_s] - state[first + _MARKED_s] >= capacity_J_K / loss_W_K:
-        marked += 1  # the first stretch begins with nothing
-        at = first + _MARKS + 2 * (marked % LOSING_TIMES)
-        state[at], state[at + 1] = flowed_J, rise_K_s
-        state[first + _MARKED_s], state[first + _MARKED] = state[first + _TIME_s], float(marked)
-    return shown_W_K
+    time_s = LOSING_TIMES * capacity_J_K / loss_W_K
+    weight = -expm1(-dt_s / time_s)
+    state[first + _POWER_W] += weight * ((power_W if isfinite(power_W) else 0.0) - state[first + _POWER_W])
+    state[first + _RISE_K] += weight * (rise_K - state[first + _RISE_K])
+    lost_W = state[first + _POWER_W] - capacity_J_K * LATENT_K / time_s
+    shown_W_K = lost_W / max(rise_K, state[first + _RISE_K], 1.0)
+    return shown_W_K if shown_W_K > capacity_J_K / time_s else 0.0
 
 
-#: Where in the memory of a wire's heat both thermometers and the shown loss begin.
-_BY_ITSELF, _BY_ITS_OWN, _SHOWN = 0, THERMOMETER, 2 * THERMOMETER
+#: What is remembered of a load that turns: itself, its last change to another one, and how often it turned.
+_LAST_N, _CHANGE_N, _TURNS = range(3)
+TURNED = 3
+
+
+@jit
+def turned(state: Floats, first: int, load_N: float, dt_s: float) -> float:
+    """How often, in the last second or so, a load has changed to another one and back.
+
+    What resistance does as the load changes is not heat (:func:`hottest_C`); in a load that noise changes all the time
+    heat would hide.  What is remembered begins at the ``first`` of ``state``, with zeros.
+    """
+    turns = state[first + _TURNS] * exp(-dt_s / LONG_AGO_s) if 0.0 <= dt_s < inf else 0.0
+    change_N = load_N - state[first + _LAST_N]
+    if _is_other(load_N, state[first + _LAST_N]):
+        turns += change_N * state[first + _CHANGE_N] < 0.0
+        state[first + _CHANGE_N] = change_N
+    state[first + _LAST_N], state[first + _TURNS] = load_N, turns
+    return turns
+
+
+#: Where in the memory of a wire's heat both thermometers, the shown loss and the load that turns begin.
+_BY_ITSELF, _BY_ITS_OWN, _SHOWN, _TURNED = 0, THERMOMETER, 2 * THERMOMETER, 2 * THERMOMETER + SHOWN_LOSS
 
 
 @jit
@@ -315,8 +335,9 @@ def _heat_step(
     likely_C = min(likely_C, shown_C)
     at_its_limit = most_C > max_C - HEADROOM_K - AT_LIMIT_K and at_most_C < shown_C
     shown_W_K = shown_loss_W_K(state, _SHOWN, wire_W, dt_s, most_C - coldest_C, capacity_J_K, loss_W_K)
-    least_loss_W_K = max(loss_W_K / margin, SUDDENLY * shown_W_K)
-    return likely_C, most_C, guessed_K, most_C >= transformed_C and (cools or at_its_limit), least_loss_W_K
+    if turned(state, _TURNED, load_N, dt_s) > MOST_TURNS:
+        shown_W_K = 0.0
+    return likely_C, most_C, guessed_K, most_C >= transformed_C and (cools or at_its_limit), SUDDENLY * shown_W_K
 
 
 class WireHeat:
@@ -336,8 +357,8 @@ class WireHeat:
         self.at_most_C = parameters.max_temperature
         #: How much of ``temperature_C`` is a guess: what the balance began with, as much of it as has not cooled away.
         self.guessed_K = parameters.max_temperature - parameters.ambient_temperature
-        self._least_loss_W_K = parameters.heat_loss / parameters.heat_loss_margin
-        self._state = floats(_SHOWN + SHOWN_LOSS)
+        self._shown_loss_W_K = 0.0
+        self._state = floats(_TURNED + TURNED)
         begin_thermometer(self._state, _BY_ITSELF)
         begin_thermometer(self._state, _BY_ITS_OWN)
 
@@ -360,7 +381,7 @@ class WireHeat:
         ``wire_W``: the power without that in its leads; ``transforms_C``: what this wire is known to have at that
         resistance at the most (:class:`Transforms`).
         """
-        self.temperature_C, self.at_most_C, self.guessed_K, self.cools, self._least_loss_W_K = _heat_step(
+        self.temperature_C, self.at_most_C, self.guessed_K, self.cools, self._shown_loss_W_K = _heat_step(
             self._state,
             self.temperature_C,
             self.at_most_C,
@@ -379,7 +400,7 @@ class WireHeat:
             parameters.heat_loss_margin,
             parameters.transformed_temperature,
             parameters.max_temperature,
-            parameters.ambient_temperature - parameters.ambient_tolerance,
+            _coldest_C(parameters),
         )
 
     def power_limit_W(self, horizon_s: float, parameters: ThermalParameters) -> float:
@@ -387,13 +408,7 @@ class WireHeat:
 
         None in a wire that is let cool.  May be below zero: then the wire is too hot already.
         """
-        if self.cools:
-            return 0.0
-        loss_W_K = self._least_loss_W_K
-        decay = math.exp(-horizon_s * loss_W_K / parameters.heat_capacity)
-        hottest_C = parameters.max_temperature - HEADROOM_K
-        settled_C = (hottest_C - self.at_most_C * decay) / (1.0 - decay)
-        return loss_W_K * (settled_C - self.ambient.temperature_C)
+        return self._power_W(horizon_s, parameters.heat_loss_margin, parameters)
 
     def power_for_ever_W(self, parameters: ThermalParameters) -> float:
         """Power that may flow on for ever and leave a wire below max_temperature that loses heat_loss /
@@ -401,10 +416,29 @@ class WireHeat:
 
         None in a wire that is let cool.
         """
+        return self._power_W(inf, min(parameters.heat_loss_margin, parameters.unwatched_margin), parameters)
+
+    def _power_W(self, horizon_s: float, margin: float, parameters: ThermalParameters) -> float:
+        """Until the horizon, by the heat loss of the parameters / margin, or by what the wire has shown to lose.
+
+        That was reckoned from the coldest surroundings, and so is what it leaves: in warmer ones it has shown more.
+        """
         if self.cools:
             return 0.0
-        loss_W_K = max(self._least_loss_W_K, parameters.heat_loss / parameters.unwatched_margin)
-        return loss_W_K * (parameters.max_temperature - HEADROOM_K - self.ambient.temperature_C)
+        by_margin_W = self._leaves_W(parameters.heat_loss / margin, self.ambient.temperature_C, horizon_s, parameters)
+        if not self._shown_loss_W_K > 0.0:
+            return by_margin_W
+        return max(by_margin_W, self._leaves_W(self._shown_loss_W_K, _coldest_C(parameters), horizon_s, parameters))
+
+    def _leaves_W(self, loss_W_K: float, ambient_C: float, horizon_s: float, parameters: ThermalParameters) -> float:
+        """What a heat loss leaves until the horizon."""
+        decay = math.exp(-horizon_s * loss_W_K / parameters.heat_capacity)
+        settled_C = (parameters.max_temperature - HEADROOM_K - self.at_most_C * decay) / (1.0 - decay)
+        return loss_W_K * (settled_C - ambient_C)
+
+
+def _coldest_C(parameters: ThermalParameters) -> float:
+    return parameters.ambient_temperature - parameters.ambient_tolerance
 
 
 def derated_limit_A(

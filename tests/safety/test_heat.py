@@ -1,18 +1,26 @@
 """By the bench's truth no wire gets hotter than ``thermal.max_temperature``, whatever is believed of its heat loss."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from rig import Rig
 
+from sma_actuator import characterise
 from sma_actuator.actuator import Actuator
 from sma_actuator.base.share import shared_file
 from sma_actuator.base.signals import Command
-from sma_actuator.bench.bench import VirtualBench
+from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualClock
+from sma_actuator.bench.bench import Setup, VirtualBench
+from sma_actuator.bench.chain import Chain
+from sma_actuator.bench.real import wire_of
+from sma_actuator.characterise.programs import hold
 from sma_actuator.config import Config, bench_from_mapping, read_parameter_file
 from sma_actuator.control.pid import PidController
+from sma_actuator.derived import derived, still_air_W_m2K
 from sma_actuator.plant.loads import Weight
+from sma_actuator.plant.worlds import HOME
 
 WIRES = ("flexinol", "furukawa")
 SHIPPED = ("flexinol", "flexinol_normalised", "furukawa", "furukawa_normalised")
@@ -123,6 +131,63 @@ def test_without_a_watchdog_a_wire_contracts_wholly_and_is_safe_as_long_as_anybo
     rig.bench.advance(rig.bench.time_s + 120.0)  # the computer is gone
     assert rig.bench.supply.output_on
     assert 110.0 < rig.bench.truth.temperature_C < rig.config.thermal.max_temperature
+
+
+def fine(alloy, diameter_m, watchdog_s, ambient_C):
+    """A rig with a wire that is quicker than the time in which nobody looks, as `init` has it without a calibration."""
+    mapping = read_parameter_file(shared_file(f"config/{alloy}_bench.yaml"))
+    thicker = mapping["wire"]["diameter"] / diameter_m
+    mapping = {name: mapping[name] for name in ("wire", "circuit", "load_cell", "reference_sensor", "instruments")}
+    mapping["wire"]["diameter"] = diameter_m
+    mapping["circuit"]["reference_resistance"] *= 10.0
+    mapping["load_cell"] = {name: value / thicker**2 for name, value in mapping["load_cell"].items()}
+    mapping["supply"] = {"watchdog_timeout": watchdog_s, "allow_no_watchdog": True}
+    mapping["thermal"] = {"ambient_temperature": ambient_C}
+    for name, found in derived(mapping).items():
+        section, _, key = name.partition(".")
+        mapping.setdefault(section, {}).setdefault(key, found.value)
+    config = bench_from_mapping(mapping)
+    home, usual = wire_of(alloy, HOME), Chain()
+    transfer = home.heat_transfer_W_m2K * still_air_W_m2K(diameter_m) / still_air_W_m2K(home.diameter_m)
+    chain = replace(
+        usual,
+        reference_resistance_Ohm=config.circuit.reference_resistance,
+        load_cell_slope_N_V=usual.load_cell_slope_N_V / thicker**2,
+        load_cell_offset_N=usual.load_cell_offset_N / thicker**2,
+    )
+    wire = replace(home, diameter_m=diameter_m, heat_transfer_W_m2K=transfer)
+    bench = VirtualBench(Setup(wire, chain, Weight(1.5e8 * config.wire.area_m2), ambient_C=ambient_C), 1)
+    supply, daq = InProcessSupply(bench, config), InProcessDaq(bench, config)
+    return characterise.Rig(config, supply, daq, VirtualClock(bench)), bench
+
+
+@pytest.mark.parametrize("alloy", WIRES)
+@pytest.mark.parametrize("diameter_m", [25e-6, 50e-6])
+@pytest.mark.parametrize("watchdog_s", [0.0, 1.0])
+def test_a_fine_wire_of_which_nothing_is_known_contracts_in_a_cool_room_and_is_safe_at_half_the_loss(
+    alloy, diameter_m, watchdog_s
+):
+    """Watched too seldom for its thermometer, it was held at 91 °C for ever, a tenth of it martensite."""
+    for loses in (1.0, 0.5):
+        rig, bench = fine(alloy, diameter_m, watchdog_s, 15.0)
+        bench.inject("draught", loses)
+        hottest = [0.0]
+        with rig.opened():
+            most_A = rig.config.supply.max_current
+            rig.record(hold(most_A, 40.0), lambda _: hottest.append(bench.hottest_C))  # noqa: B023
+        assert max(hottest) < rig.config.thermal.max_temperature
+        assert bench.truth.martensite < 0.02
+
+
+@pytest.mark.parametrize("alloy", WIRES)
+@pytest.mark.parametrize("watchdog_s", [0.0, 1.0])
+def test_a_fine_wire_that_is_covered_when_it_is_hot_stays_below_its_limit(alloy, watchdog_s):
+    rig, bench = fine(alloy, 50e-6, watchdog_s, 15.0)
+    bench.inject("draught", 0.5, at_s=bench.time_s + 20.0)
+    hottest = [0.0]
+    with rig.opened():
+        rig.record(hold(rig.config.supply.max_current, 40.0), lambda _: hottest.append(bench.hottest_C))
+    assert 150.0 < max(hottest) < rig.config.thermal.max_temperature
 
 
 @pytest.mark.parametrize("wire", WIRES)
