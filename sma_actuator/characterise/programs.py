@@ -210,15 +210,19 @@ def every_ordered_pair(n: int) -> list[int]:
     return walk + list(range(n - 2, -1, -1))
 
 
-def followed(law: Following, positions_m: Sequence[float], cold_m: float, dwell_s: float, period_s: float) -> Program:
+def followed(
+    law: Following, positions_m: Sequence[float], ends_m: tuple[float, float], dwell_s: float, period_s: float
+) -> Program:
     """What a controller does: each position held for some time, then a sine and a triangle between the outermost.
 
-    The first position and every FROM_COLD-th are come to from ``cold_m``, where the wire is asked to be for as long.
-    ``law`` makes a current of what is measured and where the wire should be.
+    Before them the wire is contracted: under another load it is as long as the one before has made it until then.
+    The first position and every FROM_COLD-th are come to from the cold end.  At both ends (contracted, cold) the wire
+    is asked to be for as long.  ``law`` makes a current of what is measured and where the wire should be.
     """
     low_m, high_m = min(positions_m), max(positions_m)
     middle_m, half_m = 0.5 * (low_m + high_m), 0.5 * (high_m - low_m)
-    visited_m: list[float] = []
+    hot_m, cold_m = ends_m
+    visited_m = [hot_m]
     for number, position_m in enumerate(positions_m):
         visited_m += [position_m] if number % FROM_COLD else [cold_m, position_m]
     parts: tuple[tuple[float, Setpoint], ...] = (

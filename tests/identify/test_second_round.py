@@ -48,12 +48,21 @@ def test_the_model_drives_the_wire_to_positions_over_its_stroke(log):
 def test_some_positions_are_come_to_from_the_cold_wire(log):
     """As the first after every `enable` is."""
     asked_m, positions = log["setpoint_m"][np.isfinite(log["setpoint_m"])], len(log.metadata["shares"])
-    held_m = [asked_m[0], *asked_m[1:][np.diff(asked_m) != 0.0]][: positions + positions // FROM_COLD]
+    held_m = [asked_m[0], *asked_m[1:][np.diff(asked_m) != 0.0]][: 1 + positions + positions // FROM_COLD]
     cold = np.array(held_m) == max(asked_m)
-    assert np.flatnonzero(cold).tolist() == [0, 5, 10, 15]
+    assert np.flatnonzero(cold).tolist() == [1, 6, 11, 16]
     place_m = signals_from_log(log, Config.load(NODE)).reference_displacement_m
     before = np.flatnonzero(np.diff(asked_m) < 0.0)[:1]
     assert place_m[before] > max(asked_m) - 0.05 * np.ptp(asked_m), "and it is cold by then"
+
+
+def test_before_them_the_wire_is_contracted(log):
+    """Until then it is as long as another load has made it."""
+    asked_m = log["setpoint_m"][np.isfinite(log["setpoint_m"])]
+    place_m = signals_from_log(log, Config.load(NODE)).reference_displacement_m
+    first = np.flatnonzero(np.diff(asked_m) != 0.0)[0]
+    assert asked_m[0] == min(asked_m)
+    assert place_m[first] < np.min(place_m) + 0.05 * np.ptp(place_m)
 
 
 def test_it_is_fitted_whole_since_each_motion_stands_on_those_before_it(log):
