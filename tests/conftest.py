@@ -135,13 +135,18 @@ _WANTED_BY_MANY = (
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Compile once what many want: on a fresh machine that takes a minute, and longer where four do it at once."""
+    """Do once what every worker of a fresh clone would do: compile what many want, and rewrite the tests' assertions,
+    which is most of collecting them."""
     if getattr(session.config.option, "numprocesses", None):
         files = [str(shared_file(f"config/{wire}.yaml")) for wire in ("flexinol", "furukawa", "coil")]
+        collecting = [sys.executable, "-m", "pytest", "--collect-only", "-qq", *session.config.args]
+        rewriting = None if sys.dont_write_bytecode else subprocess.Popen(collecting, stdout=subprocess.DEVNULL)
         compiling = [
             subprocess.Popen([sys.executable, "-c", f"import sys; {text}", *files]) for text in _WANTED_BY_MANY
         ]
         assert [process.wait(600) for process in compiling] == [0, 0]
+        if rewriting is not None:
+            rewriting.wait(600)  # what does not collect, the workers say
 
 
 @atexit.register  # before anything else is, so that it runs last: what others started they end in good order

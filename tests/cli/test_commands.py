@@ -121,7 +121,7 @@ def test_the_shell_completes_commands_and_their_options(tmp_path):
     assert "--map-file" in completions("sma-actuator replay --map")
 
 
-def test_results_go_to_standard_output_in_full_width_and_notes_to_the_other(flexinol, tmp_path):
+def test_results_go_to_standard_output_in_full_width_and_notes_to_the_other(flexinol, tmp_path, capsys):
     """In a pipe nothing is broken, cut or coloured; with -q nothing else is said."""
     model = shared_file("config/flexinol.yaml")
     name = "a_log_with_a_name_that_is_longer_than_any_terminal_is_wide_" * 2 + ".csv"
@@ -135,8 +135,8 @@ def test_results_go_to_standard_output_in_full_width_and_notes_to_the_other(flex
     assert "reading" not in quiet.stderr
     rows = list(csv.DictReader(io.StringIO(quiet.stdout)))
     assert [row["name"] for row in rows] == [name, "pulses_1.200N.csv"] and float(rows[0]["full_percent"]) < 5.0
-    machine = sma_actuator(*words, "--json", "-")
-    assert [row["name"] for row in json.loads(machine.stdout)] == [name, "pulses_1.200N.csv"]
+    assert main([*map(str, words), "--json", "-"]) == 0
+    assert [row["name"] for row in json.loads(capsys.readouterr().out)] == [name, "pulses_1.200N.csv"]
 
 
 def test_an_interrupt_stays_one_where_a_library_stumbles_as_it_tidies_up(monkeypatch, capsys):

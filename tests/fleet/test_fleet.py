@@ -140,7 +140,9 @@ def test_the_page_says_which_wires_drift_by_what_and_since_when(alone, tmp_path,
     assert worn["wire"] == "worn" and worn["drifts"] and not sound["drifts"] and worn["logs"] == 4
 
 
-def test_identify_fits_every_wire_and_writes_its_model(flexinol, tmp_path):
+# That processes change no result, above.
+@pytest.mark.parametrize("jobs", ["1", pytest.param("2", marks=pytest.mark.long)])
+def test_identify_fits_every_wire_and_writes_its_model(flexinol, tmp_path, jobs):
     for wire in ("a", "b"):
         (tmp_path / "logs" / wire).mkdir(parents=True)
         for path in flexinol.paths:
@@ -157,7 +159,7 @@ def test_identify_fits_every_wire_and_writes_its_model(flexinol, tmp_path):
         "--no-extension",
         "-q",
     ]
-    words += ["--table", str(tmp_path / "table.parquet"), "--jobs", "2", "--out"]
+    words += ["--table", str(tmp_path / "table.parquet"), "--jobs", jobs, "--out"]
     assert main(["identify", str(tmp_path / "logs"), *words, str(tmp_path / "{wire}.yaml")]) == 0
     rows = read_table(tmp_path / "table.parquet")
     assert len(rows) == 16 and {row["verdict"] for row in rows} <= {"good for control", "not good for control"}

@@ -9,6 +9,7 @@ import select
 import subprocess
 import sys
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -21,6 +22,7 @@ from sma_actuator.bench import VirtualBench
 from sma_actuator.bench.server import background
 from sma_actuator.characterise.operators import ScpiBenchOperator
 from sma_actuator.characterise.watching import LoadWatch
+from sma_actuator.cli.main import main
 from sma_actuator.config import bench_from_mapping, read_parameter_file, write_parameter_file
 
 GRAMS_N = 9.80665e-3
@@ -124,7 +126,7 @@ def test_every_question_can_be_read_and_says_what_hangs_there(bench, tmp_path, t
     assert "Traceback" not in person.seen
 
 
-def test_without_a_displacement_sensor_nobody_is_asked_anything(bench, tmp_path):
+def test_without_a_displacement_sensor_nobody_is_asked_anything(bench, tmp_path, run):
     mapping = read_parameter_file(bench[0])
     mapping["instruments"]["daq"]["lvdt_channel"] = 0
     write_parameter_file(path := tmp_path / "bench.yaml", mapping, "without a displacement sensor")
@@ -145,7 +147,7 @@ def test_without_a_displacement_sensor_nobody_is_asked_anything(bench, tmp_path)
     ],
     ids=["a tap that is swapped", "no wire"],
 )
-def test_nothing_is_heated_where_the_wiring_is_not_what_the_file_says(bench, tmp_path, fault, sentence):
+def test_nothing_is_heated_where_the_wiring_is_not_what_the_file_says(bench, tmp_path, run, fault, sentence):
     bench[1]._do(f"BENC:FAUL {fault}")
     try:
         refused = run(words(bench, tmp_path / "out"))
@@ -159,11 +161,20 @@ def test_nothing_is_heated_where_the_wiring_is_not_what_the_file_says(bench, tmp
     assert "nothing was heated" not in regardless.stderr and "► Hang 20.0 g" in regardless.stderr
 
 
-def run(command):
-    return subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=120, check=False)
+@pytest.fixture
+def run(capsys, monkeypatch):
+    """Runs the command in this process, with an input that is closed."""
+
+    def run(command):
+        with Path(os.devnull).open() as nobody, monkeypatch.context() as patch:
+            patch.setattr(sys, "stdin", nobody)
+            code = main(command[3:])  # after the interpreter and the module
+        return SimpleNamespace(returncode=code, stderr=capsys.readouterr().err)
+
+    return run
 
 
-def test_a_file_may_answer_and_nobody_at_the_input_is_a_sentence(bench, tmp_path):
+def test_a_file_may_answer_and_nobody_at_the_input_is_a_sentence(bench, tmp_path, run):
     bench[1].hang_load(0.6)
     answers = tmp_path / "answers.yaml"
     answers.write_text("hang_load: done\n")

@@ -129,7 +129,8 @@ def test_a_recording_has_its_part_in_a_model_beside_pulses(recording, flexinol, 
 
 
 def test_a_recording_is_traced(recording, model_file, tmp_path, capsys):
-    code = main(["trace", str(recording), "--config", str(model_file), "--out", str(tmp_path / "t"), "--only", "creep"])
+    words = ["--out", str(tmp_path / "t"), "--only", "creep", "--jobs", "1"]
+    code = main(["trace", str(recording), "--config", str(model_file), *words])
     assert code == 0, capsys.readouterr().err
     report = json.loads((tmp_path / "t" / "report.json").read_text())
     assert report["error_before_pct_stroke"] < 5.0

@@ -121,7 +121,7 @@ def test_a_load_that_is_changed_under_a_frozen_sensor_is_not_accused(move):
     assert set(move(rig, 2.0 * PERIOD_s)) <= {"position_contradicted"}
 
 
-@pytest.mark.parametrize("wire", ["flexinol", "furukawa"])
+@pytest.mark.parametrize("wire", ["flexinol", pytest.param("furukawa", marks=pytest.mark.long)])
 @pytest.mark.parametrize(
     "load",
     [
