@@ -192,7 +192,7 @@ def test_an_effect_with_which_the_model_is_worse_than_without_is_none(wire, conf
 def test_a_name_needs_its_signature_however_well_it_fits(wire, config):
     """A lead moves R at rest, cold and hot, and not δ; a slip does the opposite, so it is not the name, whatever it
     mends."""
-    evidence = Evidence(session(wire[0], {"lead_resistance": 0.06}), config)
+    evidence = Evidence(session(wire[0], {"lead_resistance": 0.06}, logs=1), config)
     right, wrong = beside(evidence, "lead_resistance", "slip")
     cold = "resistance at cold rest"
     assert right.witnesses["before"][cold] > 4.0 > 2.0 > right.witnesses["after"][cold]
@@ -205,7 +205,7 @@ def test_a_hot_rest_counts_though_the_wire_is_not_quite_as_hot_as_at_the_calibra
     is."""
     off = {}
     for hidden in ({}, {"lead_resistance": 0.03}):
-        evidence = Evidence(session(wire[0], hidden, heat=0.85), config)
+        evidence = Evidence(session(wire[0], hidden, logs=1, heat=0.85), config)
         every = np.ones(evidence.units, dtype=bool)
         off[len(hidden)] = evidence.witnesses(evidence.residual({}), every)["resistance at hot rest"]
     assert 0.0 < off[0] < 1.0 and off[1] > off[0] + 1.0
@@ -214,7 +214,7 @@ def test_a_hot_rest_counts_though_the_wire_is_not_quite_as_hot_as_at_the_calibra
 def test_a_spring_tells_a_drifting_sensor_from_a_creeping_wire(wire, config):
     """Its load follows the wire; so a line that bends is the sensor's, and one that is straight is not."""
     hidden = {"reference_drift": 2.5e-4}
-    evidence = Evidence(session(wire[0], hidden, load=Spring(300.0, 0.5)), config)
+    evidence = Evidence(session(wire[0], hidden, load=Spring(300.0, 0.5), logs=1), config)
     right, wrong = beside(evidence, "reference_drift", "creep")
     line = "load against displacement"
     assert right.witnesses["before"][line] > 3.0 > 0.5 > right.witnesses["after"][line]
@@ -239,7 +239,7 @@ def test_a_wire_that_lags_is_as_likely_as_a_sensor_that_does_until_it_pulls_a_sp
 def test_the_power_to_transform_tells_a_changed_heat_loss_from_a_wire_whose_resistance_rises_more(wire, config):
     """The wire that warms more takes the same power."""
     power = "power in the transformation"
-    evidence = Evidence(session(wire[0], {"heat_loss": -0.4}), config)
+    evidence = Evidence(session(wire[0], {"heat_loss": -0.4}, logs=1), config)
     right, wrong = beside(evidence, "heat_loss", "self_heating")
     assert right.fit.values["heat_loss"]["change"] == pytest.approx(-0.4, abs=0.08)
     assert right.witnesses["before"][power] > 2.5 > 2.0 > right.witnesses["after"][power]
@@ -272,7 +272,7 @@ def test_the_power_to_transform_tells_it_from_surroundings_of_another_temperatur
 
 
 def test_a_slip_is_no_drift_however_much_a_drift_mends(wire, config):
-    _, wrong = beside(Evidence(session(wire[0], {"slip": 4e-4}), config), "slip", "reference_drift")
+    _, wrong = beside(Evidence(session(wire[0], {"slip": 4e-4}, logs=1), config), "slip", "reference_drift")
     assert wrong.nats < -3.0
 
 
@@ -310,7 +310,7 @@ def test_without_a_sense_resistor_it_does_not_compete(clean):
 
 
 def test_what_the_log_could_not_show_is_untestable_never_absent(wire, config):
-    evidence = Evidence(session(wire[0], {"voltage_offset": 0.004}, load=Weight(0.98)), config)
+    evidence = Evidence(session(wire[0], {"voltage_offset": 0.004}, load=Weight(0.98), logs=1), config)
     few = all_but("voltage_offset", "elastic_compliance", "ambient_temperature")
     found = trace(evidence, without=few, jobs=1)
     assert found.fit.names == ("voltage_offset",)
@@ -338,7 +338,7 @@ def test_an_effect_that_no_bench_can_hide_competes_like_any_other(wire, config, 
     monkeypatch.setattr(EFFECTS, "_parts", dict(EFFECTS.registered))
     EFFECTS.register("scale")(Scale)
     assert "scale" not in TWINS
-    found = trace(Evidence(session(wire[0], {"reference_gain": 0.1}), config), only=["scale"], jobs=1)
+    found = trace(Evidence(session(wire[0], {"reference_gain": 0.1}, logs=1), config), only=["scale"], jobs=1)
     assert found.fit.values["scale"]["gain"] == pytest.approx(0.1, rel=0.2)
 
 
@@ -620,7 +620,7 @@ def test_bad_logs_are_refused_in_a_sentence(wire, config, spoil, said):
 @pytest.fixture(scope="module")
 def a_lead(wire, config):
     """(evidence, tracing) of a session with a lead of 0.03 Ω more."""
-    evidence = Evidence(session(wire[0], {"lead_resistance": 0.03}, logs=1), config)
+    evidence = Evidence(session(wire[0], {"lead_resistance": 0.03}), config)
     return evidence, trace(evidence, jobs=1)
 
 
