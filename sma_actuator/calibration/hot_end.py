@@ -14,6 +14,7 @@ from sma_actuator.base.calibration import HotEndSection
 from sma_actuator.base.sections import ThermalParameters
 from sma_actuator.config import Config
 from sma_actuator.logs.experiments import Experiment
+from sma_actuator.logs.kinds import FULL
 from sma_actuator.safety.thermal import HeatBalance
 
 from .stresses import clusters, rounded
@@ -66,7 +67,7 @@ def _contracted(experiments: Sequence[Experiment], config: Config) -> dict:
     forgets_s = FORGETS * config.thermal.balance.time_constant_s
     rows = []
     for experiment in experiments:
-        if experiment.kind != "pulses" or not experiment.constant_load:
+        if experiment.kind != FULL or not experiment.constant_load:
             continue
         wire_C, _ = _heat_balance_C(experiment, config.thermal)
         values = np.column_stack((experiment.stress_Pa, experiment.resistance_Ohm, experiment.displacement_m, wire_C))

@@ -20,6 +20,7 @@ from sma_actuator.base.sections import ThermalParameters
 from sma_actuator.base.signals import Signals
 from sma_actuator.config import Config
 from sma_actuator.logs.experiments import Experiment
+from sma_actuator.logs.kinds import FULL
 
 SHARES = np.linspace(0.0, 1.0, 11)  #: where the curves have a value, between them they are straight
 #: What is known of such wires before: latent over specific heat [K], shift with stress [K/Pa]; and how well.
@@ -43,7 +44,7 @@ def learn(experiments: Sequence[Experiment], config: Config, calibration: Calibr
     thermal = config.thermal
     rows, wanted = [], []
     for experiment in experiments:
-        if experiment.kind != "pulses" or not experiment.constant_load:
+        if experiment.kind != FULL or not experiment.constant_load:
             continue
         signals = experiment.signals
         share = _share(experiment, calibration)

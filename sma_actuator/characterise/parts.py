@@ -15,6 +15,7 @@ from sma_actuator.config import Config, require_calibrated
 from sma_actuator.estimation.circuit import resistance_and_current
 from sma_actuator.estimation.models import ThermalStrainModel
 from sma_actuator.logs.bench_log import BenchLog, signals_from_log
+from sma_actuator.logs.kinds import FOLLOWED, FULL, LEVELS, MANY, PARTIAL
 
 from . import programs
 from .calibration import Line, fit_line
@@ -129,7 +130,7 @@ def pulses(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLog
     """
     _apply_load(part, operator)
     p = part.parameters
-    patience = PATIENCE if part.kind == "pulses" else 1.0
+    patience = PATIENCE if part.kind == FULL else 1.0
     program = square_pulses(
         p["cycles"],
         p["heat_current_A"],
@@ -237,11 +238,11 @@ RUN: dict[str, Callable[[Part, Rig, Operator, Mapping[str, BenchLog], Progress],
     "load_cell": load_cell,
     "lvdt": lvdt,
     "training": training,
-    "pulses": pulses,
-    "partial": partial,
-    "levels": levels,
-    "followed": followed,
-    "fatigue": pulses,
+    FULL: pulses,
+    PARTIAL: partial,
+    LEVELS: levels,
+    FOLLOWED: followed,
+    MANY: pulses,
 }
 
 

@@ -13,6 +13,7 @@ from sma_actuator.base.balance import held_rise_K, holding_A
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.config import require_sense_resistor
 from sma_actuator.logs.cycles import HOT_PART
+from sma_actuator.logs.kinds import FOLLOWED, FULL, LEVELS, MANY, PARTIAL
 
 from .programs import FROM_COLD, every_ordered_pair
 from .rig import attended
@@ -164,30 +165,30 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
     for label, load in named:
         parts.append(
             Part(
-                f"pulses_{label}",
-                "pulses",
+                f"{FULL}_{label}",
+                FULL,
                 {**load, "cycles": options.pulses, **pulse, **ramped, "most_current_A": round(most_A, 4)},
                 options.pulses * (at_rest_s + cool_s + ramp_s),
             )
         )
         parts.append(
             Part(
-                f"partial_{label}",
-                "partial",
-                {**load, "set_points": options.set_points, "after": f"pulses_{label}", **pulse},
+                f"{PARTIAL}_{label}",
+                PARTIAL,
+                {**load, "set_points": options.set_points, "after": f"{FULL}_{label}", **pulse},
                 moves * 2.0 + cool_s,
             )
         )
         if options.levels:
             parts.append(
                 Part(
-                    f"levels_{label}",
-                    "levels",
-                    {**load, "levels": options.levels, "after": f"pulses_{label}", **pulse},
+                    f"{LEVELS}_{label}",
+                    LEVELS,
+                    {**load, "levels": options.levels, "after": f"{FULL}_{label}", **pulse},
                     0.75 * heat_s * len(every_ordered_pair(options.levels)) + cool_s,
                 )
             )
-    parts += _cycled("fatigue", options.fatigue_cycles, 25, {"load_N": loads_N[len(loads_N) // 2], **pulse}, cycle_s)
+    parts += _cycled(MANY, options.fatigue_cycles, 25, {"load_N": loads_N[len(loads_N) // 2], **pulse}, cycle_s)
     return _with_displacement(config, [part for part in parts if part.kind not in options.skip])
 
 
@@ -205,8 +206,8 @@ def _second_round(config, options: PlanOptions) -> list[Part]:
     loads += [(f"spring_{k:g}N_m_{p:g}N", {"stiffness_N_m": k, "preload_N": p}) for k, p in springs]
     parts = [
         Part(
-            f"followed_{label}",
-            "followed",
+            f"{FOLLOWED}_{label}",
+            FOLLOWED,
             {
                 **load,
                 "model": options.follow,

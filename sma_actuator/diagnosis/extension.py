@@ -26,6 +26,7 @@ from sma_actuator.identify.verdict.errors import LogError, log_error
 from sma_actuator.identify.verdict.unseen import Unseen
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.errors import BenchLogError
+from sma_actuator.logs.kinds import PARTIAL
 
 from .selection import paired
 from .trace.candidates import Candidate
@@ -140,7 +141,7 @@ class _OtherLogs:
             load_N=np.repeat([float(np.nanmean(e.signals.load_N)) for e in evidence.logs.experiments], lengths),
             place_m=np.concatenate(evidence.logs.measured_m),
             error_percent=np.concatenate(errors),
-            partial=np.repeat([e.kind == "partial" for e in evidence.logs.experiments], lengths),
+            partial=np.repeat([e.kind == PARTIAL for e in evidence.logs.experiments], lengths),
         )
 
 

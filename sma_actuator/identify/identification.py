@@ -20,7 +20,7 @@ from sma_actuator.estimation.chain import stresses_inside_Pa
 from sma_actuator.estimation.models.thesis import wrong_alloy
 from sma_actuator.logs.bench_log import BenchLog, averaged
 from sma_actuator.logs.experiments import Experiment, IdentificationError
-from sma_actuator.logs.kinds import LEFT_OUT, make_experiments, usable_logs
+from sma_actuator.logs.kinds import LEFT_OUT, MANY, PARTIAL, make_experiments, usable_logs
 from sma_actuator.logs.sense import counts_contraction
 from sma_actuator.logs.static import STATIC
 
@@ -123,8 +123,8 @@ def identify(
         if reasons:
             bench = bench_from_mapping(with_derived(mapping))
             everything = without_misjudged(make_experiments(logs, bench, fitter.remembers))
-    fatigued = [t for t in everything if t.kind == "fatigue"]
-    experiments = [t for t in everything if t.kind != "fatigue"]
+    fatigued = [t for t in everything if t.kind == MANY]
+    experiments = [t for t in everything if t.kind != MANY]
     fitted = fitter.fit(experiments, bench, Asked(method, variant, order, progress))
     notes += at_odds + list(fitted.notes)
     reasons |= _follow_anew(mapping, follows)
@@ -144,7 +144,7 @@ def identify(
     fatigue = None
     if fatigued:
         fatigue = fit_fatigue(fatigued)
-    if not any(t.kind == "partial" for t in experiments):
+    if not any(t.kind == PARTIAL for t in experiments):
         notes.append(
             "all logs count as full cycles, since in most of them the wire rests at both ends and none of that load "
             "goes further: minor loops, and with them the transition, rest on these alone"

@@ -10,6 +10,7 @@ import numpy as np
 
 from sma_actuator.base.parameters import Declaration, declaration_of
 from sma_actuator.estimation.chain import Chain
+from sma_actuator.logs.kinds import PARTIAL
 from sma_actuator.report import Page, figure
 
 from .fatigue import EXTREMES
@@ -159,7 +160,7 @@ def _material(page: Page, result: Identification) -> None:
 
 
 def _transitions(page: Page, result: Identification, model) -> None:
-    partial = [t for t in result.experiments if t.kind == "partial"] or list(result.experiments)
+    partial = [t for t in result.experiments if t.kind == PARTIAL] or list(result.experiments)
     experiment = partial[len(partial) // 2]
     drawing, axes = figure(1, width_in=7, height_in=4.5)
     axes[0, 0].plot(experiment.resistance_Ohm, experiment.displacement_m * 1e3, lw=0.8, label="measured")

@@ -24,10 +24,11 @@ from .experiments import (
     sessions,
 )
 
-FULL, PARTIAL, MANY, FOLLOWED = "pulses", "partial", "fatigue", "followed"
+#: Kinds of logs that are fitted, which begin the names of their files.
+FULL, PARTIAL, LEVELS, MANY, FOLLOWED = "pulses", "partial", "levels", "fatigue", "followed"
 #: Currents held one after the other, and setpoints followed by a control law: partial cycles that are never cut, since
 #: each stands on those before.
-WHOLE = ("levels", FOLLOWED)
+WHOLE = (LEVELS, FOLLOWED)
 #: In the metadata of an experiment: how many full cycles its log has beside those that are fitted.
 LEFT_OUT = "cycles_left_out"
 _WINDOW_s = 1.0  #: over which a load is steady or not

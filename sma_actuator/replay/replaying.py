@@ -19,7 +19,7 @@ from sma_actuator.identify.fitters.fitting import make_data
 from sma_actuator.identify.verdict.errors import LogError, log_error
 from sma_actuator.logs.bench_log import BenchLog, require_reference
 from sma_actuator.logs.experiments import Experiment, make_experiment
-from sma_actuator.logs.kinds import make_experiments
+from sma_actuator.logs.kinds import MANY, make_experiments
 
 from .baselines import all_baselines
 
@@ -101,7 +101,7 @@ def replay(
     full_stroke_m = first.wire.full_stroke_m
     baselines = []
     if calibration:
-        data = make_data([t for t in make_experiments(calibration, first) if t.kind != "fatigue"], full_stroke_m)
+        data = make_data([t for t in make_experiments(calibration, first) if t.kind != MANY], full_stroke_m)
         for baseline in all_baselines():
             baseline.fit(data)
             baselines.append(baseline)

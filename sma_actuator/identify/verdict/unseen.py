@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_actuator.logs.experiments import Experiment
+from sma_actuator.logs.kinds import PARTIAL
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,5 +36,5 @@ def unseen_of(experiments: Sequence[Experiment], estimate_m: np.ndarray, full_st
         load_N=np.repeat(loads_N, lengths)[counts],
         place_m=measured_m[counts],
         error_percent=error_percent[counts],
-        partial=np.repeat([t.kind == "partial" for t in experiments], lengths)[counts],
+        partial=np.repeat([t.kind == PARTIAL for t in experiments], lengths)[counts],
     )
