@@ -4,7 +4,8 @@ Half of a 95 % interval.  A model of the whole range says it by itself; of the o
 leaves on its own calibration logs, at this place and branch: the mean residual and twice the scatter about it.  And
 where on its loop the wire is: after the output was off a measurement at the bias current tells the resistance, and the
 wire may be anywhere between the heating and the cooling curve there; as it moves, the loop forgets where it began, and
-so does this.  Of any model that was calibrated on a wire in training: how far that has moved since.
+so does this.  Of any model: how far a wire in training has moved since it was calibrated, and how far off one may be
+on which another load hung before (:class:`OtherLoad`).
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from sma_actuator.base.signals import Estimate, Quality, Signals
 from sma_actuator.base.tables import places_below, row_of, values_of
 
 from .models import StrainModel, ThermalStrainModel
+from .other_load import OtherLoad
 
 #: Motion, as a share of the working range, after which a third is left of what was not known at the beginning.
 FORGOTTEN_SHARE = 0.15
@@ -34,6 +36,7 @@ class Uncertainty:
     def __init__(self, model: StrainModel | ThermalStrainModel, calibration: Calibration):
         left = calibration.interval
         self._since_then_m = unknown_since_then_m(calibration.training)
+        self._other_load = OtherLoad(calibration)
         #: None where the model says it by itself.
         self._model = None if isinstance(model, ThermalStrainModel) else model
         low_m, high_m = model.displacement_range_m
@@ -64,8 +67,11 @@ class Uncertainty:
         if estimate.quality is Quality.INVALID:
             self._state[_BEFORE_m] = nan
             return nan
+        besides_m = self._since_then_m + self._other_load.step(
+            signals.time_s, signals.stress_Pa, estimate.displacement_m
+        )
         if self._model is None or not len(self._tables):
-            return estimate.uncertainty_m + self._since_then_m
+            return estimate.uncertainty_m + besides_m
         heating_m, cooling_m = self._model.limits_m(signals.resistance_Ohm, signals.stress_Pa)
         usual_m = hypot(
             *_parts_m(
@@ -80,7 +86,7 @@ class Uncertainty:
                 self._forgotten_m,
             )
         )
-        return usual_m + self._since_then_m
+        return usual_m + besides_m
 
 
 @jit
