@@ -19,6 +19,9 @@ from sma_actuator.identify.ranges import ONE_LOAD, distinct_stresses
 from sma_actuator.logs.experiments import Experiment, IdentificationError, begins_anew
 from sma_actuator.logs.kinds import load_numbers
 
+from .earlier_load import of_earlier_load
+from .learner import ROBUST
+
 FOLDS = 3
 NEVER = -1  #: left out
 #: That the learners of the model see, logs of more are thinned; and that those see which judge it or find its heat
@@ -44,7 +47,12 @@ class Data:
         self.config, self.wire, self.thermal = config, config.wire, config.thermal
         self.percent_m = config.wire.full_stroke_m / 100.0
         step_s = min(SHORTEST_STEP_s, SHORTEST_STEP * config.thermal.balance.time_constant_s)
-        parts = [_thinned(t, config.thermal.ambient_temperature, step_s) for t in experiments]
+        # An error counts as it is up to ROBUST.
+        earlier = of_earlier_load(experiments, config.thermal.balance.time_constant_s, ROBUST * self.percent_m)
+        parts = [
+            _thinned(t, others, config.thermal.ambient_temperature, step_s)
+            for t, others in zip(experiments, earlier, strict=True)
+        ]
         loads = distinct_stresses(experiments)
         rng = np.random.default_rng(0)
         for error_K in (LEARNED_ERROR_K, JUDGED_ERROR_K):
@@ -78,7 +86,8 @@ class Data:
                 f"fitted; there {'is' if cycles == 1 else 'are'} {cycles}: heat and cool the wire more often"
             )
         stride = max(1, -(-len(self.time) // MOST_ROWS))
-        self.rows = np.arange(0, len(self.time), stride)
+        rows = np.arange(0, len(self.time), stride)
+        self.rows = rows[~columns[8][rows]]
         self.fewer = np.arange(len(self.rows)) % -(-len(self.rows) // FEWER_ROWS) == 0
         self.measured = self.rows < sum(self.lengths)  # the others are of copies
         self.learned = self.rows < 2 * sum(self.lengths)
@@ -118,8 +127,11 @@ class Data:
         return out
 
 
-def _thinned(experiment: Experiment, ambient_C: float, step_s: float) -> tuple[np.ndarray, ...]:
-    """A log's good samples, as many together as make a step of that; their power is the mean."""
+def _thinned(experiment: Experiment, earlier: np.ndarray, ambient_C: float, step_s: float) -> tuple[np.ndarray, ...]:
+    """A log's good samples, as many together as make a step of that; their power is the mean.
+
+    ``earlier``: those that an earlier load has moved, bool, shape (n,).
+    """
     s = experiment.signals
     good = np.isfinite(s.resistance_Ohm + s.stress_Pa + s.power_W + s.reference_displacement_m + s.time_s)
     time_s = s.time_s[good]
@@ -138,6 +150,7 @@ def _thinned(experiment: Experiment, ambient_C: float, step_s: float) -> tuple[n
         *(last(v[good]) for v in (s.resistance_Ohm, s.stress_Pa, s.reference_displacement_m)),
         last(experiment.heating[good]),
         last(experiment.cycle[good]),
+        last(earlier[good]),
     )
 
 
@@ -148,7 +161,8 @@ def _ends_of_stroke(experiments: Sequence[Experiment], parts: Sequence[tuple[np.
     )
     stress_Pa, place_m = np.empty((2, len(whole))), np.empty((2, len(whole)))
     for k, part in enumerate(whole):
-        stress, displacement = part[4], part[5]
+        own = ~part[8] | part[8].all()
+        stress, displacement = part[4][own], part[5][own]
         low, high = np.percentile(displacement, (0.5, 99.5))
         for end, chosen in enumerate(
             (displacement <= low + 0.02 * (high - low), displacement >= high - 0.02 * (high - low))

@@ -1,0 +1,91 @@
+"""A cold wire is where its earlier load left it until it is heated: nothing is learned from that."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from sma_actuator.base.signals import Signals
+from sma_actuator.config import bench_from_mapping
+from sma_actuator.identify.fitters.whole_range.data import Data
+from sma_actuator.identify.fitters.whole_range.earlier_load import of_earlier_load
+from sma_actuator.logs.bench_log import BenchLog
+from sma_actuator.logs.experiments import Experiment
+from sma_actuator.logs.kinds import make_experiments
+
+HOT_m, COLD_m = 5e-4, 3e-3
+LEAST_m = 3e-5
+FIRST_s, PERIOD_s = 10.0, 20.0  #: when it is heated, for half of every period
+
+
+def pulsed(begins_m=COLD_m, load_N=0.5, pulses=3, part_of="", from_s=0.0):
+    """A log of pulses; what of the wire has not been austenite is as long as it was in the beginning."""
+    time_s = np.arange(0.0, FIRST_s + PERIOD_s * pulses, 0.05)
+    driven = (time_s >= FIRST_s) & ((time_s - FIRST_s) % PERIOD_s < 0.5 * PERIOD_s)
+    since_s = np.where(time_s < FIRST_s, np.inf, (time_s - FIRST_s) % (0.5 * PERIOD_s))
+    martensite = np.where(driven, np.exp(-since_s), 1.0 - np.exp(-since_s))
+    old = np.minimum.accumulate(martensite)
+    displacement_m = HOT_m + martensite * (COLD_m - HOT_m) + old * (begins_m - COLD_m)
+    resistance_Ohm = 5.0 + 200.0 * displacement_m
+    current_A = np.where(driven, 0.3, 0.05)
+    signals = Signals(
+        time_s=time_s + from_s,
+        current_A=current_A,
+        resistance_Ohm=resistance_Ohm,
+        power_W=current_A**2 * resistance_Ohm,
+        load_N=np.full(len(time_s), load_N),
+        stress_Pa=np.full(len(time_s), load_N * 5e7),
+        reference_displacement_m=displacement_m,
+    )
+    cycle = np.cumsum(np.diff(driven, prepend=False) & driven)
+    return Experiment(BenchLog({}, {}), "pulses", signals, driven, driven, cycle, part_of)
+
+
+@pytest.mark.parametrize("begins_m", [COLD_m - 1e-3, COLD_m + 1e-3])
+def test_until_a_wire_is_heated_it_is_where_a_lighter_or_a_heavier_load_left_it(begins_m):
+    log = pulsed(begins_m)
+    (earlier,) = of_earlier_load([log], 1.0, LEAST_m)
+    off_m = np.abs(log.displacement_m - pulsed().displacement_m)
+    assert earlier[: int(FIRST_s / 0.05)].all()
+    assert not earlier[off_m < 0.5 * LEAST_m].any()
+    assert earlier[off_m > 2.0 * LEAST_m].all()
+
+
+def test_a_wire_that_begins_where_it_comes_back_to_is_learned_from_at_once():
+    assert not any(e.any() for e in of_earlier_load([pulsed(), pulsed(COLD_m + 0.5 * LEAST_m)], 1.0, LEAST_m))
+
+
+def test_a_wire_that_begins_contracted_is_learned_from_at_once():
+    assert not of_earlier_load([pulsed().rows(np.arange(1400) >= 380)], 1.0, LEAST_m)[0].any()
+
+
+def test_another_log_of_the_load_tells_where_it_comes_back_to_and_one_of_another_load_does_not():
+    short = pulsed(COLD_m - 1e-3, pulses=1)
+    short = short.rows(np.arange(len(short.displacement_m)) < int((FIRST_s + 0.5 * PERIOD_s) / 0.05))
+    assert not of_earlier_load([short, pulsed(load_N=1.0)], 1.0, LEAST_m)[0].any()
+    assert of_earlier_load([short, pulsed()], 1.0, LEAST_m)[0].any()
+
+
+def test_a_stretch_that_goes_on_under_its_load_has_the_past_of_the_one_before_it():
+    before = pulsed(part_of="one")
+    goes_on = pulsed(COLD_m - 1e-3, part_of="one", from_s=100.0)
+    assert not of_earlier_load([before, goes_on], 1.0, LEAST_m)[1].any()
+    heavier = pulsed(COLD_m - 1e-3, load_N=1.0, part_of="one", from_s=100.0)
+    assert of_earlier_load([before, heavier], 1.0, LEAST_m)[1].any()
+
+
+def test_the_whole_range_takes_neither_rows_nor_a_cold_end_from_it(flexinol):
+    """Its logs as if a heavier weight had hung on the wire before each load was hung on it."""
+    config = bench_from_mapping(flexinol.mapping)
+    experiments = make_experiments(flexinol.logs, config, remembered=True)
+
+    def longer(t):
+        displacement_m = t.displacement_m.copy()
+        displacement_m[t.cycle == 0] += 0.2 * config.wire.full_stroke_m
+        return dataclasses.replace(t, signals=dataclasses.replace(t.signals, reference_displacement_m=displacement_m))
+
+    usual, moved = Data(experiments, config), Data([longer(t) for t in experiments], config)
+    cycle = np.concatenate([t.cycle[t.judged] for t in experiments])
+    assert (cycle == 0).any()
+    np.testing.assert_allclose(moved.ends, usual.ends, atol=0.2)
+    np.testing.assert_array_less(moved.displacement[moved.rows], usual.displacement.max() + 0.5)
