@@ -26,15 +26,16 @@ AS_ARGUMENTS = "".join(f" -p {name}:={value}" for name, value in PATIENT_NODE.it
 
 
 class Elapsed:
-    """How long this process has waited and looked."""
+    """How long this process has waited and looked; of each look at most so much counts."""
 
-    def __init__(self):
+    def __init__(self, most_of_a_look_s=MOST_OF_A_LOOK_s):
+        self._most_s = most_of_a_look_s
         self._seconds, self._looked_s = 0.0, time.monotonic()
 
     def look(self):
         """Seconds so far."""
         now_s = time.monotonic()
-        self._seconds += min(now_s - self._looked_s, MOST_OF_A_LOOK_s)
+        self._seconds += min(now_s - self._looked_s, self._most_s)
         self._looked_s = now_s
         return self._seconds
 

@@ -1,5 +1,6 @@
 """The recorder keeps every row it can, and says what it could not keep."""
 
+import ctypes
 import dataclasses
 import errno
 import fcntl
@@ -350,16 +351,24 @@ def _folder_moved(part):
     part.parent.rename(part.parent.with_name("elsewhere"))
 
 
+def _exchange(folder, other):
+    """In one step: between two, the recorder may make the folder anew."""
+    here, exchange = -100, 2  # AT_FDCWD and RENAME_EXCHANGE of Linux
+    done = ctypes.CDLL(None, use_errno=True).renameat2(here, os.fsencode(folder), here, os.fsencode(other), exchange)
+    assert done == 0, os.strerror(ctypes.get_errno())
+
+
 def _folder_moved_and_another_there(part):
-    _folder_moved(part)
-    part.parent.mkdir()
+    another = part.parent.with_name("elsewhere")
+    another.mkdir()
+    _exchange(part.parent, another)
 
 
 def _folder_replaced_by_a_link(part):
-    _folder_moved(part)
-    target = part.parent.with_name("target")
+    target, link = part.parent.with_name("target"), part.parent.with_name("elsewhere")
     target.mkdir()
-    part.parent.symlink_to(target)
+    link.symlink_to(target)
+    _exchange(part.parent, link)
 
 
 def _moved(part):
