@@ -14,6 +14,7 @@ from sma_actuator.calibration.rest import Rest, find_rests
 from sma_actuator.config import Config
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.logs.bench_log import BenchLog
+from sma_actuator.logs.cycles import cycle_numbers
 from sma_actuator.logs.errors import BenchLogError
 from sma_actuator.logs.experiments import Experiment, make_experiment, sessions
 
@@ -43,7 +44,7 @@ class Prepared:
         thin = max(1, math.ceil(sum(map(len, logs)) / LARGEST), int(time_constant_s / (readings * step_s)))
         judged = [piece for log in logs for piece in _with_a_cycle(sessions(make_experiment(log, config)), chain)]
         whole, good = [experiment for experiment, _ in judged], [rows for _, rows in judged]
-        self.experiments = [_moving(experiment.rows(rows)) for experiment, rows in zip(whole, good, strict=True)]
+        self.experiments = [_moving(_counted(experiment, rows)) for experiment, rows in judged]
         cycles = sum(int(experiment.cycle.max()) for experiment in self.experiments)
         if cycles < FEWEST_CYCLES:
             names = ", ".join(experiment.log.source for experiment in self.experiments)
@@ -117,11 +118,19 @@ def _with_a_cycle(pieces: Sequence[Experiment], chain: Callable[[], Chain]) -> l
     """Of the pieces of a log that paused, those that have a cycle of what counts, or the first if none has; and what
     counts of each."""
     judged = [(piece, _judged(piece, chain())) for piece in pieces]
-    return [(piece, rows) for piece, rows in judged if _cycled(piece.driven[rows])] or judged[:1]
+    return [(piece, rows) for piece, rows in judged if _cycled(_counted(piece, rows).driven)] or judged[:1]
+
+
+def _counted(experiment: Experiment, rows: np.ndarray) -> Experiment:
+    """The samples that count; where a controller never let go of the current, in cycles of the branches."""
+    counted = experiment.rows(rows)
+    if _cycled(counted.driven):
+        return counted
+    return dataclasses.replace(counted, driven=counted.heating, cycle=cycle_numbers(counted.heating))
 
 
 def _cycled(driven: np.ndarray) -> bool:
-    """Whether the current was switched on and off again."""
+    """Whether the wire was heated and cooled again, or the other way round."""
     turns = np.diff(driven.astype(int))
     return bool((turns > 0).any() and (turns < 0).any())
 
@@ -166,7 +175,6 @@ def _moving(experiment: Experiment) -> Experiment:
             )
     if not _cycled(experiment.driven):
         raise BenchLogError(
-            f"{experiment.log.source}: is shorter than a cycle: the current must be switched on and off again at least "
-            f"once"
+            f"{experiment.log.source}: is shorter than a cycle: the wire must be heated and cool again at least once"
         )
     return experiment

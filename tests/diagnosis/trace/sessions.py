@@ -52,16 +52,16 @@ def calibrated():
 _DRIVEN: dict[str, list[BenchLog]] = {}
 
 
-def session(bench_mapping, hidden=None, load=STEPS, seed=5, logs=2, heat=1.0):
+def session(bench_mapping, hidden=None, load=STEPS, seed=5, logs=2, heat=1.0, smooth=False):
     """Bench logs of one session: pulses that settle at both ends, then partial ones; heated with ``heat`` of the usual
-    current.  They are everybody's: change a copy."""
-    what = repr((bench_mapping, hidden, load, seed, logs, heat))
+    current.  ``smooth``: a sine that never comes down to the bias.  They are everybody's: change a copy."""
+    what = repr((bench_mapping, hidden, load, seed, logs, heat, smooth))
     if what not in _DRIVEN:
-        _DRIVEN[what] = _driven(bench_mapping, hidden, load, seed, logs, heat)
+        _DRIVEN[what] = _driven(bench_mapping, hidden, load, seed, logs, heat, smooth)
     return [*_DRIVEN[what]]
 
 
-def _driven(bench_mapping, hidden, load, seed, logs, heat):
+def _driven(bench_mapping, hidden, load, seed, logs, heat, smooth):
     config = bench_from_mapping(bench_mapping)
     whole_s = logs * LOG_s + (logs - 1) * PAUSE_s
     bench = HiddenBench.from_name(WIRE, seed=seed, load=load, hidden=hidden or {}, session_s=whole_s)
@@ -70,7 +70,7 @@ def _driven(bench_mapping, hidden, load, seed, logs, heat):
     with rig.opened():
         for number in range(logs):
             bench.advance(number * (LOG_s + PAUSE_s))
-            currents_A = _currents_A(config, seed + number, heat)
+            currents_A = _sine_A(config) if smooth else _currents_A(config, seed + number, heat)
             # Loads change on purpose, and a sense resistor that warms drifts: a session goes on as on others' benches.
             drives = (Drive(float(current_A)) for current_A in currents_A)
             log = rig.record(drives, but=("load_spike", "current_drifts"))
@@ -92,6 +92,14 @@ def write_model(mapping, path):
     """Write a parameter file; returns its path as text."""
     path.write_text(yaml.safe_dump({NODE_NAME: {"ros__parameters": mapping}}, sort_keys=False, allow_unicode=True))
     return str(path)
+
+
+def _sine_A(config):
+    low, high, rate = config.supply.bias_current, default_heat_current_A(config), config.loop.rate
+    time_s = np.arange(round(LOG_s * rate)) / rate
+    slow_s = config.thermal.heat_capacity / config.thermal.heat_loss
+    current_A = high * (0.75 - 0.2 * np.cos(2.0 * np.pi * time_s / (8.0 * slow_s)))
+    return np.where(time_s < 2.0, low, current_A)
 
 
 def _currents_A(config, seed, heat):

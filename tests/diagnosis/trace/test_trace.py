@@ -214,6 +214,21 @@ def test_a_spring_tells_a_drifting_sensor_from_a_creeping_wire(wire, config):
     assert wrong.nats < -1.0 and wrong.by_witness[line] < 0.0
 
 
+def test_a_load_that_is_read_a_reading_later_than_the_displacement_is_nothing(wire, config):
+    """Converters take one channel after the other, and filter each; a displacement that is far later is a delay."""
+    logs, found = session(wire[0], load=Spring(300.0, 0.5)), {}
+    for channel, late in (("load_cell_voltage_V", 1), ("lvdt_current_A", 12)):
+        delayed = [changed(log, **{channel: _later(log[channel], late)}) for log in logs]
+        rows = Rows(evidence := Evidence(delayed, config))
+        delay = rows.effects([candidate("channel_delay", scales_of(evidence))])
+        found[channel] = delay.log_evidence - rows.nothing().log_evidence
+    assert found["load_cell_voltage_V"] < -2.0 and found["lvdt_current_A"] > 10.0
+
+
+def _later(values, readings):
+    return np.concatenate((np.full(readings, values[0]), values[:-readings]))
+
+
 @pytest.mark.long  # of a wire that creeps and a sensor that drifts, above
 @pytest.mark.parametrize("hidden", ["rate", "reference_lag"])
 def test_a_wire_that_lags_is_as_likely_as_a_sensor_that_does_until_it_pulls_a_spring(wire, config, hidden):
@@ -863,6 +878,14 @@ def test_of_a_log_that_paused_a_piece_without_a_cycle_does_not_count(wire, confi
     evidence = Evidence([paused], config)
     assert [t.log.source[-8:] for t in evidence.logs.experiments] == ["(1 of 3)", "(3 of 3)"]
     assert len(evidence.logs.sessions) == 1
+
+
+def test_a_log_in_which_the_current_was_never_let_go_counts_by_the_branches(wire, config):
+    """As a controller drives that follows a sine."""
+    logs = session(wire[0], load=Weight(0.98), smooth=True)
+    assert not np.any(np.diff(make_experiment(logs[0], config).driven[100:].astype(int)))
+    evidence = Evidence(logs, config)
+    assert [int(t.cycle[-1]) >= 3 for t in evidence.logs.experiments] == [True, True]
 
 
 @pytest.mark.parametrize("what", ["time_s", "place", "stress_Pa", "power_W"])

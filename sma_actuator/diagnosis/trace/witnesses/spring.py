@@ -12,6 +12,7 @@ from sma_actuator.diagnosis.trace.prepared import Prepared
 from .witness import Prediction
 
 LOADS_DIFFER = 0.1  #: spread of the load, over the load, from which it counts as changing
+PART = 0.2  #: share of a unit below which the mean of its heating, or cooling, is that of a few readings on the way
 SPRING = 0.9  #: correlation squared of load and displacement from which the load is that of a spring
 
 
@@ -28,25 +29,45 @@ class Springs:
         self._springs = _springs(logs)
         #: Of each sample on a spring, which half of a unit it lies in: cooling or heating.
         halves = [
-            2 * np.concatenate([unit[i] for i in on]) + np.concatenate([logs.experiments[i].driven for i in on])
+            2 * np.concatenate([unit[i] for i in on]) + np.concatenate([logs.experiments[i].heating for i in on])
             for on in self._springs
         ]
-        self._half = [np.unique(half, return_inverse=True) for half in halves]
+        self._half = [_numbered(half) for half in halves]
         self.row_units = np.concatenate([half // 2 for half, _ in self._half] or [np.empty(0, dtype=int)])
         self.row_names = np.zeros(len(self.row_units), dtype=int)
 
     def off(self, predictions: Sequence[Prediction]) -> np.ndarray:
         """How far off the line, in how straight springs are, shape (halves of units,)."""
+        true_m = [measured - p.sensor_m for measured, p in zip(self.logs.measured_m, predictions, strict=True)]
+        return self._off(true_m, [p.stress_Pa for p in predictions])
+
+    def late(self, predictions: Sequence[Prediction]) -> np.ndarray:
+        """How much further off it is where the load is read one reading later: converters take one channel after the
+        other, and filter each, shape (halves of units,)."""
+        true_m = [measured - p.sensor_m for measured, p in zip(self.logs.measured_m, predictions, strict=True)]
+        before_Pa = [np.concatenate((p.stress_Pa[:1], p.stress_Pa[:-1])) for p in predictions]
+        return self._off(true_m, before_Pa) - self.off(predictions)
+
+    def _off(self, true_m: Sequence[np.ndarray], of_stress_Pa: Sequence[np.ndarray]) -> np.ndarray:
         out = [np.empty(0)]
         for on, (half, which) in zip(self._springs, self._half, strict=True):
-            true_m = np.concatenate([self.logs.measured_m[i] - predictions[i].sensor_m for i in on])
-            stress_Pa = np.concatenate([predictions[i].stress_Pa for i in on])
-            good = np.isfinite(true_m + stress_Pa)
-            x, y = stress_Pa - stress_Pa[good].mean(), true_m - true_m[good].mean()
+            displacement_m, stress_Pa = (np.concatenate([each[i] for i in on]) for each in (true_m, of_stress_Pa))
+            good = np.isfinite(displacement_m + stress_Pa)
+            x, y = stress_Pa - stress_Pa[good].mean(), displacement_m - displacement_m[good].mean()
             off_m = np.where(good, y - x * (x[good] @ y[good]) / (x[good] @ x[good]), 0.0)
-            mean_m = np.bincount(which, off_m, minlength=len(half)) / np.bincount(which, minlength=len(half))
-            out.append(mean_m / self._usual_m)
+            of_half = which >= 0
+            number = np.bincount(which[of_half], minlength=len(half))
+            out.append(np.bincount(which[of_half], off_m[of_half], minlength=len(half)) / number / self._usual_m)
         return np.concatenate(out)
+
+
+def _numbered(half: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The halves of units that are a part of theirs, and into them the one that each sample lies in, or -1."""
+    found, which, number = np.unique(half, return_inverse=True, return_counts=True)
+    unit, of_unit = np.unique(found // 2, return_inverse=True)
+    whole = np.bincount(of_unit, number, minlength=len(unit))[of_unit]
+    counts = number >= PART * whole
+    return found[counts], np.where(counts, np.cumsum(counts) - 1, -1)[which]
 
 
 def _springs(logs: Prepared) -> list[list[int]]:
