@@ -11,16 +11,17 @@ import itertools
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.special import stdtr
 
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.experiments import Experiment, judged_rows, make_experiment
-from sma_actuator.logs.kinds import PARTIAL, load_numbers, logs_to_fit
+from sma_actuator.logs.kinds import PARTIAL, WHOLE, load_numbers, logs_to_fit
 
 #: Share of the full stroke that the hot end may move with a cycle, outwards, as training does, and inwards, as a wire
 #: does also that grows warmer from pulse to pulse; ten logs hold some sixty cycles.
 STANDS_OUTWARDS, STANDS_INWARDS = 0.0003, 0.0006
 FEWEST_LOGS = 3
-_AGREE = 0.8  #: share of the logs in which it moves the same way
+_CHANCE = 0.05  #: probability that a wire whose end stands moves so much the same way in all logs (Student)
 _ALIKE = 0.1  #: share by which the times may differ that two pulses are heated for
 _AS_HOT = 0.01  #: and the currents with which they end: one of the next lower power is another end
 _HOT_PART = 0.25  #: of the time driven, at its end
@@ -54,15 +55,17 @@ def change_while_measured_m(logs: Sequence[BenchLog], config) -> float:
     if len(moved_m) < FEWEST_LOGS:
         return 0.0
     mean_m = float(np.mean(moved_m))
-    same_way = float(np.mean(np.sign(moved_m) == np.sign(mean_m)))
+    spread_m = float(np.std(moved_m, ddof=1) / np.sqrt(len(moved_m)))
+    by_chance = 2.0 * float(stdtr(len(moved_m) - 1, -abs(mean_m) / max(spread_m, 1e-12)))
     stands = STANDS_OUTWARDS if mean_m > 0.0 else STANDS_INWARDS
-    return abs(change_m) if abs(mean_m) >= stands * config.wire.full_stroke_m and same_way >= _AGREE else 0.0
+    return abs(change_m) if abs(mean_m) >= stands * config.wire.full_stroke_m and by_chance < _CHANCE else 0.0
 
 
 def _moved_m(experiment: Experiment, full_stroke_m: float) -> list[float]:
     """How far the hot end of a log moves with a pulse that is like the one before; nothing where none is, and of
     partial cycles."""
-    if experiment.kind == PARTIAL:  # a quick wire goes any way between two readings, so their times tell nothing
+    # A quick wire goes any way between two readings, so their times tell nothing; a loop's end where it is told.
+    if experiment.kind in (PARTIAL, *WHOLE):
         return []
     bounds = np.searchsorted(experiment.cycle, np.arange(1, experiment.cycle[-1] + 2))
     pulses: list[tuple[int, float, float]] = []  # how long it was driven, with which current and where it ended

@@ -1,5 +1,6 @@
 """A wire that changes while it is measured is said to be one."""
 
+import dataclasses
 import math
 
 import pytest
@@ -8,6 +9,7 @@ from characterised import bench_mapping, virtual_rig
 from sma_actuator.calibration.training import change_while_measured_m
 from sma_actuator.characterise.programs import held_currents, square_pulses
 from sma_actuator.identify import identify
+from sma_actuator.logs.kinds import FOLLOWED
 from sma_actuator.plant.loads import Weight
 from sma_actuator.plant.worlds import IN_TRAINING
 
@@ -76,3 +78,9 @@ def test_pulses_that_end_on_their_way_say_nothing_of_training():
         with rig.opened():
             logs.append(rig.record(square_pulses(3, 0.34, 0.05, 1.6, 2.0)))
     assert change_while_measured_m(logs, rig.config) == 0.0
+
+
+def test_cycles_that_a_loop_ends_where_it_is_told_say_nothing_of_training():
+    logs, config = pulses(0.0)
+    followed = [dataclasses.replace(log, metadata={**log.metadata, "kind": FOLLOWED}) for log in logs]
+    assert change_while_measured_m(followed, config) == 0.0 < change_while_measured_m(logs, config)
