@@ -161,9 +161,16 @@ class Rows:
         evidence, best = self.of(found, self._forms)
         likelihood, by_row = _likelihood(best, found.rows)
         names = tuple(c.name for c in candidates)
-        # Errors that are usual as one are cheap together, so a fit may raise them all to get rid of what is not.
-        worse = bool(np.sum(found.rows**2) > np.sum(self.plain**2))
-        return Hypothesis(names, evidence, likelihood, by_row, found, best, objection(found), worse)
+        return Hypothesis(names, evidence, likelihood, by_row, found, best, objection(found), self.worse(found.rows))
+
+    def worse(self, rows: np.ndarray) -> bool:
+        """Whether these rows are further off than without an effect: all in all, for errors that are usual as one are
+        cheap together, so a fit may raise them all to get rid of what is not; or the displacement alone, and more than
+        is usual, for nobody wants to hear of what makes its error larger."""
+        n = self.evidence.rows_of_samples
+        usual = float(self.evidence.independent.sum())
+        off, before = (float(np.sum(some[:n] ** 2)) for some in (rows, self.plain))
+        return bool(np.sum(rows**2) > np.sum(self.plain**2)) or off > max(before, usual)
 
     def where_it_was(self, one: Hypothesis) -> float:
         """Logarithm of the evidence of what may have happened, were each reading held against the floor of where the

@@ -177,6 +177,18 @@ def test_an_effect_with_which_the_model_is_worse_than_without_is_none(wire, conf
     assert any(one not in worse and not one.why_none for one in fitted)
 
 
+def test_what_raises_the_error_of_the_displacement_beyond_the_usual_is_worse_whatever_else_it_mends(clean):
+    rows, one, others = Rows(clean), clean.sample_weight, len(clean.unit_of_row) - clean.rows_of_samples
+
+    def off(samples, beside):
+        return np.append(samples * one, np.full(others, beside))
+
+    for before, better, worse in ((1.5, 1.4, 1.6), (0.5, 0.9, 1.1)):
+        rows.plain = off(before, 9.0)
+        assert not rows.worse(off(better, 0.0)) and rows.worse(off(worse, 0.0))
+    assert rows.worse(off(0.4, 10.0))
+
+
 def test_a_name_needs_its_signature_however_well_it_fits(wire, config):
     """A lead moves R at rest, cold and hot, and not δ; a slip does the opposite, so it is not the name, whatever it
     mends."""
