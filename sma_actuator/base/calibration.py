@@ -311,6 +311,12 @@ class Calibration:
         """Whether it says where the wire ends, contracted and cold."""
         return bool(self.hot_end.contracted_stress and self.rest.cold_stress)
 
+    @property
+    def ends(self) -> tuple[tuple[tuple[float, ...], tuple[float, ...]], ...]:
+        """Of both ends, contracted and cold: at which stresses [Pa] it knows them, and the displacements there [m]."""
+        hot_end, rest = self.hot_end, self.rest
+        return (hot_end.contracted_stress, hot_end.contracted_displacement), (rest.cold_stress, rest.cold_displacement)
+
     @cached_property
     def transformation_known(self) -> bool:
         """Whether it says at which temperatures the wire transforms, and between which displacements."""

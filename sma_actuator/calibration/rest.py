@@ -122,11 +122,16 @@ def find_rests(experiment: Experiment, thermal_time_constant_s: float) -> list[R
     return rests
 
 
+def was_heated(experiment: Experiment, rest: Rest) -> bool:
+    """Whether the wire was heated in this log before it rested: until then a cold one is as long as what it cooled
+    under made it, another load perhaps."""
+    return bool(experiment.driven[: rest.start].any())
+
+
 def learn(experiments: Sequence[Experiment], thermal_time_constant_s: float) -> RestSection:
     """What the wire showed at rest."""
     found = [(t, rest) for t in experiments for rest in find_rests(t, thermal_time_constant_s)]
-    # Before it has been heated in a log, a cold wire is as long as what it cooled under made it: another load perhaps.
-    cooled = [(t, rest) for t, rest in found if rest.hot or t.driven[: rest.start].any()]
+    cooled = [(t, rest) for t, rest in found if rest.hot or was_heated(t, rest)]
     if sum(not rest.hot for _, rest in cooled) >= 2:
         found = cooled
     # A cold wire that creeps is not at rest yet, a hot one is contracted whether or not it grows warmer.

@@ -84,6 +84,6 @@ def _moved_m(experiment: Experiment, full_stroke_m: float) -> list[float]:
         for (long, before_A, before_m), (heated, current_A, end_m) in itertools.pairwise(pulses)
         if abs(heated - long) <= _ALIKE * 0.5 * (heated + long) + 1.0
         and abs(current_A - before_A) <= _AS_HOT * before_A
+        and np.isfinite(end_m - before_m)
     ]
-    moved_m = [each for each in moved_m if np.isfinite(each)]
     return [float(np.mean(moved_m))] if moved_m else []

@@ -103,10 +103,8 @@ class Heat:
     """How warm a wire is by its heat balance, with the latent heat of what has transformed."""
 
     def __init__(self, sections: LawSections):
-        thermal, hot_end, rest = sections.thermal, sections.calibration.hot_end, sections.calibration.rest
-        self._ends = row_of(
-            (hot_end.contracted_stress, hot_end.contracted_displacement), (rest.cold_stress, rest.cold_displacement)
-        )
+        thermal = sections.thermal
+        self._ends = row_of(*sections.calibration.ends)
         self.loss_W_K, self.capacity_J_K = thermal.heat_loss, thermal.heat_capacity
         self._balance = thermal.balance
         self.update(sections)
@@ -121,10 +119,8 @@ class Heat:
         self.resistance_Ohm = nan
         self._time_s = nan
         #: Between these a setpoint turns, whatever the load: one that stands still must not turn with its noise.
-        self._ends_m = (
-            float(np.mean(hot_end.contracted_displacement)),
-            float(np.mean(rest.cold_displacement)),
-        )
+        short_m, long_m = (float(np.mean(at_m)) for _, at_m in sections.calibration.ends)
+        self._ends_m = short_m, long_m
 
         self.stroke_m = self._ends_m[1] - self._ends_m[0]  #: from the contracted to the cold wire, whatever the load
 

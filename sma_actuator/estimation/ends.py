@@ -47,13 +47,7 @@ class Ends:
             low_Pa, high_Pa = min(stresses_Pa), max(stresses_Pa)
             beyond_Pa = _BEYOND * (high_Pa - low_Pa)
             at_Pa = np.unique((*np.linspace(low_Pa - beyond_Pa, high_Pa + beyond_Pa, _PLACES), *stresses_Pa))
-            short_m, long_m = (
-                through(nodes, values, at_Pa).tolist()
-                for nodes, values in (
-                    (hot_end.contracted_stress, hot_end.contracted_displacement),
-                    (rest.cold_stress, rest.cold_displacement),
-                )
-            )
+            short_m, long_m = (through(nodes, values, at_Pa).tolist() for nodes, values in calibration.ends)
             power = calibration.power
             self._shift_K_Pa = power.transformation_shift[1] if power.transformation_shift else nan
             heating = power.heating if power.transformation_shift else ((), ())

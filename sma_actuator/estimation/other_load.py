@@ -35,14 +35,11 @@ class OtherLoad:
     """Of one wire; nothing where its calibration does not say where it ends."""
 
     def __init__(self, calibration: Calibration):
-        hot_end, rest = calibration.hot_end, calibration.rest
         self._state = floats(6)
         self._state[_STRESS_Pa] = nan
         self._row: Floats | None = None
         if calibration.ends_known:
-            self._row = row_of(
-                (hot_end.contracted_stress, hot_end.contracted_displacement), (rest.cold_stress, rest.cold_displacement)
-            )
+            self._row = row_of(*calibration.ends)
 
     def step(self, time_s: float, stress_Pa: float, displacement_m: float) -> float:
         """How much more the estimate of a sample may be off [m]."""

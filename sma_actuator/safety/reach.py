@@ -54,13 +54,9 @@ class Places:
     def __init__(self, calibration: Calibration):
         self._row: Floats | None = None  #: it does not say
         if calibration.transformation_known:
-            hot_end, rest, power = calibration.hot_end, calibration.rest, calibration.power
+            power = calibration.power
             self._latent_K, self._shift_K_Pa = power.latent_rise, power.transformation_shift[1]
-            self._row = row_of(
-                (hot_end.contracted_stress, hot_end.contracted_displacement),
-                (rest.cold_stress, rest.cold_displacement),
-                power.heating,
-            )
+            self._row = row_of(*calibration.ends, power.heating)
 
     def needed(self, position_m: float, stress_Pa: float, ambient_C: float, loss_W_K: float) -> Needed | None:
         """What heat the wire takes to be at a position; None where the calibration does not say."""

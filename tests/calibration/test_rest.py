@@ -5,11 +5,10 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from pulsed import pulsed_log
 
 from sma_actuator.base.calibration import Calibration, HotEndSection, RestSection, TrainingSection
-from sma_actuator.base.signals import Signals
 from sma_actuator.calibration.rest import AS_HOT, REPEATS, AtRest, Usual, learn
-from sma_actuator.logs.experiments import Experiment
 
 CALIBRATION = Calibration(
     rest=RestSection(
@@ -118,18 +117,7 @@ def pulsed(load_N, hung_on_m):
     contracted[time_s < 10.02] = 0.0
     cold_m = np.where(time_s < 10.02, hung_on_m, 1e-3 + 2e-3 * load_N)
     displacement_m = cold_m + contracted * (5e-4 - cold_m)
-    resistance_Ohm = 5.0 + 200.0 * displacement_m
-    current_A = np.where(driven, 0.3, 0.05)
-    signals = Signals(
-        time_s=time_s,
-        current_A=current_A,
-        resistance_Ohm=resistance_Ohm,
-        power_W=current_A**2 * resistance_Ohm,
-        load_N=np.full(len(time_s), load_N),
-        stress_Pa=np.full(len(time_s), load_N * 5e7),
-        reference_displacement_m=displacement_m,
-    )
-    return Experiment(None, "pulses", signals, driven, driven, np.cumsum(np.diff(driven, prepend=False) & driven))
+    return pulsed_log(time_s, driven, displacement_m, load_N)
 
 
 def test_a_cold_wire_that_was_not_heated_yet_under_its_load_is_not_its_cold_end():

@@ -4,13 +4,11 @@ import dataclasses
 
 import numpy as np
 import pytest
+from pulsed import pulsed_log
 
-from sma_actuator.base.signals import Signals
 from sma_actuator.config import bench_from_mapping
 from sma_actuator.identify.fitters.whole_range.data import Data
 from sma_actuator.identify.fitters.whole_range.earlier_load import of_earlier_load
-from sma_actuator.logs.bench_log import BenchLog
-from sma_actuator.logs.experiments import Experiment
 from sma_actuator.logs.kinds import make_experiments
 
 HOT_m, COLD_m = 5e-4, 3e-3
@@ -26,19 +24,7 @@ def pulsed(begins_m=COLD_m, load_N=0.5, pulses=3, part_of="", from_s=0.0):
     martensite = np.where(driven, np.exp(-since_s), 1.0 - np.exp(-since_s))
     old = np.minimum.accumulate(martensite)
     displacement_m = HOT_m + martensite * (COLD_m - HOT_m) + old * (begins_m - COLD_m)
-    resistance_Ohm = 5.0 + 200.0 * displacement_m
-    current_A = np.where(driven, 0.3, 0.05)
-    signals = Signals(
-        time_s=time_s + from_s,
-        current_A=current_A,
-        resistance_Ohm=resistance_Ohm,
-        power_W=current_A**2 * resistance_Ohm,
-        load_N=np.full(len(time_s), load_N),
-        stress_Pa=np.full(len(time_s), load_N * 5e7),
-        reference_displacement_m=displacement_m,
-    )
-    cycle = np.cumsum(np.diff(driven, prepend=False) & driven)
-    return Experiment(BenchLog({}, {}), "pulses", signals, driven, driven, cycle, part_of)
+    return pulsed_log(time_s + from_s, driven, displacement_m, load_N, part_of)
 
 
 @pytest.mark.parametrize("begins_m", [COLD_m - 1e-3, COLD_m + 1e-3])

@@ -43,8 +43,7 @@ class Prepared:
         step_s = max((log.period_s for log in logs if len(log) > 1), default=math.inf)
         thin = max(1, math.ceil(sum(map(len, logs)) / LARGEST), int(time_constant_s / (readings * step_s)))
         judged = [piece for log in logs for piece in _with_a_cycle(sessions(make_experiment(log, config)), chain)]
-        whole, good = [experiment for experiment, _ in judged], [rows for _, rows in judged]
-        self.experiments = [_moving(_counted(experiment, rows)) for experiment, rows in judged]
+        self.experiments = [_moving(counted) for _, _, counted in judged]
         cycles = sum(int(experiment.cycle.max()) for experiment in self.experiments)
         if cycles < FEWEST_CYCLES:
             names = ", ".join(experiment.log.source for experiment in self.experiments)
@@ -58,7 +57,7 @@ class Prepared:
         if thin > 1:
             self._thin(thin)
         #: What the chain is given of every log, and which of it is judged.
-        self.seen = [_thinned(experiment, rows, thin) for experiment, rows in zip(whole, good, strict=True)]
+        self.seen = [_thinned(experiment, rows, thin) for experiment, rows, _ in judged]
         #: Displacement by the reference sensor, of every log.
         self.measured_m = [np.ascontiguousarray(t.displacement_m) for t in self.experiments]
         starts = [float(t.signals.time_s[0]) for t in self.experiments]
@@ -114,11 +113,13 @@ class Prepared:
         return max(float(time_s[on[-1]][-1] - time_s[on[0]][0]) for on in self.sessions)
 
 
-def _with_a_cycle(pieces: Sequence[Experiment], chain: Callable[[], Chain]) -> list[tuple[Experiment, np.ndarray]]:
-    """Of the pieces of a log that paused, those that have a cycle of what counts, or the first if none has; and what
-    counts of each."""
-    judged = [(piece, _judged(piece, chain())) for piece in pieces]
-    return [(piece, rows) for piece, rows in judged if _cycled(_counted(piece, rows).driven)] or judged[:1]
+def _with_a_cycle(
+    pieces: Sequence[Experiment], chain: Callable[[], Chain]
+) -> list[tuple[Experiment, np.ndarray, Experiment]]:
+    """Of the pieces of a log that paused, those that have a cycle of what counts, or the first if none has; which of
+    its samples count; and these."""
+    judged = [(piece, rows, _counted(piece, rows)) for piece in pieces for rows in [_judged(piece, chain())]]
+    return [each for each in judged if _cycled(each[2].driven)] or judged[:1]
 
 
 def _counted(experiment: Experiment, rows: np.ndarray) -> Experiment:

@@ -38,36 +38,35 @@ class Springs:
 
     def off(self, predictions: Sequence[Prediction]) -> np.ndarray:
         """How far off the line, in how straight springs are, shape (halves of units,)."""
-        true_m = [measured - p.sensor_m for measured, p in zip(self.logs.measured_m, predictions, strict=True)]
-        return self._off(true_m, [p.stress_Pa for p in predictions])
+        return self._off(predictions, [p.stress_Pa for p in predictions])
 
     def late(self, predictions: Sequence[Prediction]) -> np.ndarray:
         """How much further off it is where the load is read one reading later: converters take one channel after the
         other, and filter each, shape (halves of units,)."""
-        true_m = [measured - p.sensor_m for measured, p in zip(self.logs.measured_m, predictions, strict=True)]
         before_Pa = [np.concatenate((p.stress_Pa[:1], p.stress_Pa[:-1])) for p in predictions]
-        return self._off(true_m, before_Pa) - self.off(predictions)
+        return self._off(predictions, before_Pa) - self.off(predictions)
 
-    def _off(self, true_m: Sequence[np.ndarray], of_stress_Pa: Sequence[np.ndarray]) -> np.ndarray:
+    def _off(self, predictions: Sequence[Prediction], of_stress_Pa: Sequence[np.ndarray]) -> np.ndarray:
         out = [np.empty(0)]
         for on, (half, which) in zip(self._springs, self._half, strict=True):
-            displacement_m, stress_Pa = (np.concatenate([each[i] for i in on]) for each in (true_m, of_stress_Pa))
-            good = np.isfinite(displacement_m + stress_Pa)
-            x, y = stress_Pa - stress_Pa[good].mean(), displacement_m - displacement_m[good].mean()
+            true_m = np.concatenate([self.logs.measured_m[i] - predictions[i].sensor_m for i in on])
+            stress_Pa = np.concatenate([of_stress_Pa[i] for i in on])
+            good = np.isfinite(true_m + stress_Pa)
+            x, y = stress_Pa - stress_Pa[good].mean(), true_m - true_m[good].mean()
             off_m = np.where(good, y - x * (x[good] @ y[good]) / (x[good] @ x[good]), 0.0)
-            of_half = which >= 0
-            number = np.bincount(which[of_half], minlength=len(half))
-            out.append(np.bincount(which[of_half], off_m[of_half], minlength=len(half)) / number / self._usual_m)
+            sums_m, number = (np.bincount(which, weights, minlength=len(half) + 1)[1:] for weights in (off_m, None))
+            out.append(sums_m / number / self._usual_m)
         return np.concatenate(out)
 
 
 def _numbered(half: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The halves of units that are a part of theirs, and into them the one that each sample lies in, or -1."""
+    """The halves of units that are a part of theirs; and of each sample the number of its half among these, from 1 on,
+    or 0."""
     found, which, number = np.unique(half, return_inverse=True, return_counts=True)
     unit, of_unit = np.unique(found // 2, return_inverse=True)
     whole = np.bincount(of_unit, number, minlength=len(unit))[of_unit]
     counts = number >= PART * whole
-    return found[counts], np.where(counts, np.cumsum(counts) - 1, -1)[which]
+    return found[counts], np.where(counts, np.cumsum(counts), 0)[which]
 
 
 def _springs(logs: Prepared) -> list[list[int]]:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sma_actuator.calibration.rest import find_rests
+from sma_actuator.calibration.rest import find_rests, was_heated
 from sma_actuator.logs.experiments import Experiment, begins_anew
 from sma_actuator.logs.kinds import load_numbers
 
@@ -47,6 +47,6 @@ def _cold_m(experiment: Experiment, thermal_time_constant_s: float) -> np.ndarra
         [
             np.mean(experiment.displacement_m[rest.start : rest.stop])
             for rest in find_rests(experiment, thermal_time_constant_s)
-            if not rest.hot and experiment.driven[: rest.start].any()
+            if not rest.hot and was_heated(experiment, rest)
         ]
     )
