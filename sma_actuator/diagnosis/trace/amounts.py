@@ -1,27 +1,13 @@
-"""How far off a model is on some logs, of every unit of them, in % of full stroke."""
+"""How much of what a model is off on some logs is news, of every unit of them, in % of full stroke."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .evidence import Evidence
 from .witnesses import Prediction
-
-if TYPE_CHECKING:
-    from .evidence import Evidence
-
-
-def errors_percent(evidence: Evidence, predictions: Sequence[Prediction]) -> np.ndarray:
-    """Mean absolute error, shape (units,)."""
-    error_m = np.concatenate(
-        [np.abs(m - p.shown_m) for m, p in zip(evidence.logs.measured_m, predictions, strict=True)]
-    )
-    unit, good = np.concatenate(evidence.unit), np.isfinite(error_m)
-    number = np.bincount(unit[good], minlength=evidence.units)
-    sums_m = np.bincount(unit[good], error_m[good], minlength=evidence.units)
-    return sums_m / np.maximum(number, 1) / evidence.full_stroke_m * 100
 
 
 def news_percent(evidence: Evidence, predictions: Sequence[Prediction]) -> np.ndarray:

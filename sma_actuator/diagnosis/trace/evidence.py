@@ -23,7 +23,6 @@ from sma_actuator.estimation.effects import Effect, Effects
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.errors import BenchLogError
 
-from .amounts import errors_percent
 from .following import FollowedAnew, Where
 from .limits import LIMITS
 from .prepared import Prepared
@@ -251,6 +250,17 @@ class Evidence:
         number = np.bincount(witness, minlength=len(WITNESSES))
         squares = np.bincount(witness, off**2, minlength=len(WITNESSES))
         return {name: math.sqrt(s / n) for name, s, n in zip(WITNESSES, squares, number, strict=True) if n}
+
+
+def errors_percent(evidence: Evidence, predictions: Sequence[Prediction]) -> np.ndarray:
+    """Mean absolute error of every unit, % of full stroke, shape (units,)."""
+    error_m = np.concatenate(
+        [np.abs(m - p.shown_m) for m, p in zip(evidence.logs.measured_m, predictions, strict=True)]
+    )
+    unit, good = np.concatenate(evidence.unit), np.isfinite(error_m)
+    number = np.bincount(unit[good], minlength=evidence.units)
+    sums_m = np.bincount(unit[good], error_m[good], minlength=evidence.units)
+    return sums_m / np.maximum(number, 1) / evidence.full_stroke_m * 100
 
 
 def limited(z: np.ndarray) -> np.ndarray:

@@ -9,10 +9,10 @@ import numpy as np
 
 from sma_actuator.estimation.effects import Effect
 
-from .amounts import errors_percent, news_percent
+from .amounts import news_percent
 from .candidates import Candidate
 from .covariance import FORMS, NEARLY, Covariance
-from .evidence import Evidence
+from .evidence import Evidence, errors_percent
 from .likeliest import WIDEST, Likeliest, likeliest
 
 FOLDS = 4

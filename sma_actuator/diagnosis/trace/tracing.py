@@ -12,9 +12,9 @@ from sma_actuator.base.one_thread import one_thread
 from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL
 from sma_actuator.logs.errors import BenchLogError
 
-from .amounts import errors_percent, news_percent
+from .amounts import news_percent
 from .candidates import Candidate, candidate, scales_of, untestable
-from .evidence import Evidence
+from .evidence import Evidence, errors_percent
 from .fitting import Fit, fit_of
 from .hypotheses import Hypothesis, Progress, Rows, fitted, pairs
 from .limits import LIMITS

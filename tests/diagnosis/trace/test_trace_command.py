@@ -14,7 +14,7 @@ from sma_actuator.base.signals import Reading
 from sma_actuator.cli.main import main
 from sma_actuator.config import Config
 from sma_actuator.diagnosis.trace import Evidence
-from sma_actuator.diagnosis.trace.amounts import errors_percent
+from sma_actuator.diagnosis.trace.evidence import errors_percent
 from sma_actuator.fleet.table import read_table
 from sma_actuator.logs.bench_log import read_bench_log, to_reading
 from sma_actuator.logs.experiments import make_experiment
