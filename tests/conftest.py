@@ -23,6 +23,7 @@ from once import made_once
 from rig import Rig
 
 from sma_actuator.base.jit import COMPILED
+from sma_actuator.base.one_thread import one_thread
 from sma_actuator.base.share import shared_file
 from sma_actuator.config import Config
 
@@ -205,6 +206,13 @@ def in_turn(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Dispatcher, "compile", compile_in_turn)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def on_one_thread() -> Iterator[None]:
+    """Linear algebra does: threads that wait for a core that another worker has, turn in circles on their own."""
+    with one_thread():
         yield
 
 
