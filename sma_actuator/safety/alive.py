@@ -130,7 +130,7 @@ class Following:
             self.pause()
             return ""
         self._lately.append((place_m, load_N))
-        if self._is_another(noise_N):
+        if self._is_another(swing_m, noise_N):
             self.changed, self._stiffness, self._stood = True, [], []
             self._lately.clear()
             self.pause()
@@ -171,14 +171,15 @@ class Following:
             return nan
         return max(shown)
 
-    def _is_another(self, noise_N: float) -> bool:
-        """Whether the load has lately changed by more than it does, of this spring, over the way that the wire
-        went."""
+    def _is_another(self, swing_m: float, noise_N: float) -> bool:
+        """Whether the load has lately changed by more than the last motions have shown of it, over the way that the
+        wire went; what was within the noise may be as steep as that."""
         change_N = abs(self._lately[-1][1] - self._lately[0][1])
-        if not change_N > noise_N:
+        if not change_N > noise_N or not self._stiffness:
             return False
         places_m = [place_m for place_m, _ in self._lately]
-        return change_N > noise_N + ALIKE * abs(self.stiffness_N_m) * (max(places_m) - min(places_m))
+        steepest_N_m = max(noise_N / swing_m, *map(abs, self._stiffness))
+        return change_N > noise_N + ALIKE * steepest_N_m * (max(places_m) - min(places_m))
 
     def pause(self) -> None:
         """The wire has no place now."""

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sma_actuator.plant.loads import Spring, Weight
-from sma_actuator.safety.alive import SEEN, WINDOW, WINDOWS, Following, Liveliness, LoadAlive, Repeats
+from sma_actuator.safety.alive import LATELY, SEEN, WINDOW, WINDOWS, Following, Liveliness, LoadAlive, Repeats
 from sma_actuator.safety.faults import FAULTS
 
 LSB_V, SAMPLES = 20.0 / 2**16, 50
@@ -292,6 +292,16 @@ class TestWhatALoadDoes:
             wire.load_N += 0.5 / pieces
             wire.step()
         assert math.isnan(wire.following.stiffness_N_m)
+        assert wire.swing(0.0, 0.0, 0.0, 0.0) == ""
+
+    def test_it_is_another_too_before_its_law_is_known(self):
+        """A weight that takes a spring's place where the wire turns would be one more motion of the spring's."""
+        wire = Swung()
+        wire.swing(-300.0, -300.0)
+        wire.to(wire.at_m + wire.way_m, -300.0)
+        for _ in range(LATELY):
+            wire.step()
+        wire.load_N -= math.copysign(0.15, wire.way_m)
         assert wire.swing(0.0, 0.0, 0.0, 0.0) == ""
 
     def test_it_is_another_too_where_the_wire_had_no_place_meanwhile(self):
