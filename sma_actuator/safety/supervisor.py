@@ -54,7 +54,10 @@ class Supervisor:
     def update(self, config: SafetySections) -> None:
         """Take over live parameters; the memory stays."""
         self.config = config
-        self._contracted_Ohm = most_contracted_Ohm(config.calibration.hot_end, config.thermal)
+        self._contracted_Ohm, self._just_contracted_Ohm = (
+            most_contracted_Ohm(config.calibration.hot_end, each_C)
+            for each_C in (config.thermal.max_temperature, config.thermal.transformed_temperature)
+        )
         self._transforms = Transforms(config.calibration, config.thermal)
         self._unwatched_s = unwatched_s(config)
 
@@ -103,7 +106,16 @@ class Supervisor:
         thermal, wire_W = self.config.thermal, current_A**2 * resistance_Ohm
         transforms_C = self._transforms.at_C(resistance_Ohm, load_N / self.config.wire.area_m2)
         self.heat.step(
-            power_W, dt_s, ambient_C, thermal, resistance_Ohm, load_N, self._contracted_Ohm, wire_W, transforms_C
+            power_W,
+            dt_s,
+            ambient_C,
+            thermal,
+            resistance_Ohm,
+            load_N,
+            self._contracted_Ohm,
+            self._just_contracted_Ohm,
+            wire_W,
+            transforms_C,
         )
 
     def inspect(self, step: Step, but: Collection[str] = ()) -> dict[Fault, str]:

@@ -153,6 +153,7 @@ def hottest_C(
     at_most_C: float,
     transformed_C: float,
     contracted_Ohm: float,
+    just_contracted_Ohm: float,
 ) -> float:
     """How hot the wire can be at most [°C] by its resistance, NaN where none was measured, whatever heat it loses.
 
@@ -162,8 +163,10 @@ def hottest_C(
     by what that makes of its austenite's resistance.  Both are counted as the second.
 
     ``at_most_C``: what was known before.  Resistance that comes with another load says nothing of heat.  A wire
-    that has contracted shows no more than ``contracted_Ohm``, however hot it may be.  What is remembered begins at the
-    ``first`` of ``state`` (:func:`begin_thermometer`).
+    that has contracted shows no more than ``contracted_Ohm``, however hot it may be; and when it did so it showed no
+    more than ``just_contracted_Ohm``: one that has not shown so little yet transforms still, though the resistance of
+    its martensite rises with temperature, or of its R-phase.  What is remembered begins at the ``first`` of ``state``
+    (:func:`begin_thermometer`).
     """
     gap_s = state[first + _GAP_s] + dt_s
     if not isfinite(resistance_Ohm):
@@ -183,6 +186,8 @@ def hottest_C(
     state[first + _GAP_s], state[first + _LEAST_Ohm] = 0.0, least_Ohm
     if not least_Ohm > 0.0:  # not known; or of no wire, as where the leads alone are measured
         return inf
+    if least_Ohm > just_contracted_Ohm:
+        return transformed_C
     return transformed_C + (shown_Ohm - least_Ohm) / (LEAST_SLOPE_1_K * least_Ohm)
 
 
@@ -198,12 +203,11 @@ def begin_thermometer(state: Floats, first: int) -> None:
         state[first + each] = nan
 
 
-def most_contracted_Ohm(hot_end: HotEndSection, parameters: ThermalParameters) -> float:
-    """The most resistance that a contracted wire shows below max_temperature, whatever its load; ∞ where nobody
-    knows."""
+def most_contracted_Ohm(hot_end: HotEndSection, temperature_C: float) -> float:
+    """The most resistance that a contracted wire shows up to a temperature, whatever its load; ∞ where nobody knows."""
     if not hot_end.contracted_resistance or not math.isfinite(hot_end.contracted_temperature):
         return math.inf
-    hotter_K = max(parameters.max_temperature - hot_end.contracted_temperature, 0.0)
+    hotter_K = max(temperature_C - hot_end.contracted_temperature, 0.0)
     return max(hot_end.contracted_resistance) * (1.0 + MOST_SLOPE_1_K * hotter_K)
 
 
@@ -314,6 +318,7 @@ def _heat_step(
     resistance_Ohm: float,
     load_N: float,
     contracted_Ohm: float,
+    just_contracted_Ohm: float,
     wire_W: float,
     transforms_C: float,
     capacity_J_K: float,
@@ -327,10 +332,20 @@ def _heat_step(
     likely_C = _after_C(likely_C, power_W, dt_s, ambient_C, capacity_J_K, loss_W_K)
     guessed_K *= exp(-max(dt_s, 0.0) * loss_W_K / capacity_J_K)
     at_most_C = _after_C(most_C, power_W, dt_s, ambient_C, capacity_J_K, loss_W_K / margin)
-    shown_C = hottest_C(state, _BY_ITSELF, resistance_Ohm, load_N, dt_s, at_most_C, transformed_C, contracted_Ohm)
+    shown_C = hottest_C(
+        state,
+        _BY_ITSELF,
+        resistance_Ohm,
+        load_N,
+        dt_s,
+        at_most_C,
+        transformed_C,
+        contracted_Ohm,
+        just_contracted_Ohm,
+    )
     # Where the heat balance calls it hotter than it is known to transform at, one of them errs: the hotter counts.
     own_C = min(transformed_C, max(transforms_C, likely_C))
-    own_C = hottest_C(state, _BY_ITS_OWN, resistance_Ohm, load_N, dt_s, at_most_C, own_C, contracted_Ohm)
+    own_C = hottest_C(state, _BY_ITS_OWN, resistance_Ohm, load_N, dt_s, at_most_C, own_C, contracted_Ohm, inf)
     most_C = min(at_most_C, shown_C, own_C)
     likely_C = min(likely_C, shown_C)
     at_its_limit = most_C > max_C - HEADROOM_K - AT_LIMIT_K and at_most_C < shown_C
@@ -371,13 +386,15 @@ class WireHeat:
         resistance_Ohm: float = math.nan,
         load_N: float = 0.0,
         contracted_Ohm: float = math.inf,
+        just_contracted_Ohm: float = math.inf,
         wire_W: float = math.nan,
         transforms_C: float = math.inf,
     ) -> None:
         """Keep both balances, on measured power [W]; resistance [Ω] and load [N] of the same reading, NaN where there
         is none.
 
-        ``contracted_Ohm``: the most that the wire shows once it has contracted (:func:`most_contracted_Ohm`);
+        ``contracted_Ohm``, ``just_contracted_Ohm``: the most that a contracted wire shows up to max_temperature and to
+        transformed_temperature (:func:`most_contracted_Ohm`);
         ``wire_W``: the power without that in its leads; ``transforms_C``: what this wire is known to have at that
         resistance at the most (:class:`Transforms`).
         """
@@ -393,6 +410,7 @@ class WireHeat:
             resistance_Ohm,
             load_N,
             contracted_Ohm,
+            just_contracted_Ohm,
             wire_W,
             transforms_C,
             parameters.heat_capacity,

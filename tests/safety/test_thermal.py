@@ -201,9 +201,9 @@ class TestThermometer:
         state = floats(THERMOMETER)
         begin_thermometer(state, 0)
 
-        def run(resistance_Ohm, at_most_C=170.0, seconds=2.0, load_N=1.0, contracted_Ohm=math.inf):
+        def run(resistance_Ohm, at_most_C=170.0, seconds=2.0, load_N=1.0, contracted_Ohm=math.inf, just_Ohm=math.inf):
             for _ in range(round(seconds / 0.05)):
-                found_C = hottest_C(state, 0, resistance_Ohm, load_N, 0.05, at_most_C, 150.0, contracted_Ohm)
+                found_C = hottest_C(state, 0, resistance_Ohm, load_N, 0.05, at_most_C, 150.0, contracted_Ohm, just_Ohm)
             return found_C
 
         return run
@@ -226,6 +226,12 @@ class TestThermometer:
         shown_C(4.5)
         shown_C(4.9, at_most_C=149.0)
         assert shown_C(4.9) == pytest.approx(150.0, abs=0.1)
+
+    def test_what_it_shows_more_before_it_has_shown_as_little_as_a_contracted_wire_is_none(self, shown_C):
+        shown_C(4.7, at_most_C=100.0, just_Ohm=4.55)
+        assert shown_C(4.76, just_Ohm=4.55) == 150.0  # its martensite is warmer, or there is R-phase
+        shown_C(4.5, just_Ohm=4.55)
+        assert shown_C(4.55, just_Ohm=4.55) > 200.0
 
     def test_more_than_a_contracted_wire_can_show_is_not_heat(self, shown_C):
         """Martensite that warms shows more and more before it transforms."""
@@ -531,9 +537,7 @@ class TestTheMostThatAContractedWireShows:
 
     @pytest.fixture
     def at_most(self, config):
-        return lambda **known: most_contracted_Ohm(
-            replace(config.calibration.hot_end, **known), replace(config.thermal, max_temperature=200.0)
-        )
+        return lambda **known: most_contracted_Ohm(replace(config.calibration.hot_end, **known), 200.0)
 
     @pytest.mark.parametrize(("temperature_C", "times"), [(90.0, 1.0 + MOST_SLOPE_1_K * 110.0), (210.0, 1.0)])
     def test_it_follows_from_the_largest_of_any_load(self, at_most, temperature_C, times):
