@@ -8,7 +8,9 @@ in this way.
 
 from __future__ import annotations
 
+import contextlib
 import faulthandler
+import gc
 import json
 import multiprocessing
 import os
@@ -156,7 +158,11 @@ def _load() -> None:
 
     BenchServer(VirtualBench.from_name("flexinol"))
     warm_up(Config.from_mapping(read_parameter_file(shared_file("config/flexinol.yaml"))))
+    with contextlib.suppress(ModuleNotFoundError):
+        import rosidl_generator_py  # noqa: F401 - what rclpy wants first of all, and is Python alone
     assert "rclpy" not in sys.modules
+    # What is loaded stays: a program that begins by looking for garbage would look through all of it, and copy it.
+    gc.freeze()
 
 
 def _serve() -> None:
