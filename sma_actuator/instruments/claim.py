@@ -36,8 +36,10 @@ class Claim:
             line.split()[6] for line in Path("/proc/net/unix").read_text().splitlines() if line.endswith(f"@{name}")
         }
         wanted = {f"socket:[{inode}]" for inode in sockets}
-        for handle in Path("/proc").glob("[0-9]*/fd/*"):
-            with contextlib.suppress(OSError):
-                if str(handle.readlink()) in wanted:
-                    return int(handle.parts[2])
+        for process in Path("/proc").glob("[0-9]*"):
+            with contextlib.suppress(OSError):  # it is another user's, or has just ended
+                for handle in (process / "fd").iterdir():
+                    with contextlib.suppress(OSError):  # it was closed meanwhile
+                        if str(handle.readlink()) in wanted:
+                            return int(process.name)
         return None
