@@ -5,7 +5,9 @@ import os
 import time
 
 import pytest
+import yaml
 
+from sma_actuator.base import yaml_text
 from sma_actuator.base.parameters import ConfigError, walk
 from sma_actuator.base.share import shared_file
 from sma_actuator.base.yaml_text import DEEPEST_LEVEL, LONGEST_TEXT, parse_yaml, read_yaml
@@ -18,10 +20,20 @@ _BOMB = "a0: &a0 [x, x, x, x, x, x, x, x, x]\n" + "".join(
 )
 
 
+@pytest.fixture(params=[yaml_text._LibyamlLoader, yaml_text._PythonLoader], ids=["libyaml", "without"])
+def either_parser(request, monkeypatch):
+    """As PyYAML was built."""
+    if request.param is yaml_text._LibyamlLoader and not yaml.__with_libyaml__:
+        pytest.skip("PyYAML was built without libyaml")
+    monkeypatch.setattr(yaml_text, "_Loader", request.param)
+
+
+@pytest.mark.usefixtures("either_parser")
 def test_numbers_are_read_as_ros_reads_them():
     assert parse_yaml("[175.0e6, 1e-6, 250, 0.1, .inf]", "x") == [175e6, 1e-6, 250, 0.1, math.inf]
 
 
+@pytest.mark.usefixtures("either_parser")
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
@@ -66,6 +78,7 @@ ODD = [
 ]
 
 
+@pytest.mark.usefixtures("either_parser")
 @pytest.mark.parametrize("text", ODD)
 def test_a_number_that_readers_of_yaml_read_differently_is_refused_with_what_to_write(text):
     with pytest.raises(
@@ -75,6 +88,7 @@ def test_a_number_that_readers_of_yaml_read_differently_is_refused_with_what_to_
     assert parse_yaml(f"a: '{text}'", "file.yaml") == {"a": text}
 
 
+@pytest.mark.usefixtures("either_parser")
 @pytest.mark.parametrize(
     ("text", "value"),
     [
@@ -97,6 +111,7 @@ def test_what_a_person_writes_is_read_as_it_is_meant(text, value):
     assert parse_yaml(f"a: {text}", "file.yaml") == {"a": value}
 
 
+@pytest.mark.usefixtures("either_parser")
 @pytest.mark.parametrize("text", ["!!set {a, b}", "!!binary aGk=", "!!omap [a: 1]", "!!pairs [a: 1]", "{<<: {b: 1}}"])
 def test_types_of_yamls_own_are_refused(text):
     with pytest.raises(ConfigError, match=r"file\.yaml: line 1: !!\w+ is not taken"):
@@ -113,6 +128,23 @@ def test_only_a_list_is_a_list(make_config, value):
 def test_a_name_is_one_line_that_can_be_printed(make_config, name):
     with pytest.raises(ConfigError, match=r"^joint_name: .* holds what cannot be printed"):
         Config.from_mapping(make_config(joint_name=name))
+
+
+@pytest.mark.parametrize(
+    "file", sorted(shared_file("config/flexinol.yaml").parent.glob("*.yaml")), ids=lambda file: file.stem
+)
+def test_both_parsers_read_every_shipped_file_alike(monkeypatch, file):
+    read = []
+    for loader in (yaml_text._LibyamlLoader, yaml_text._PythonLoader):
+        monkeypatch.setattr(yaml_text, "_Loader", loader)
+        read.append(repr(read_yaml(file, "a file of parameters")))
+    assert read[0] == read[1]
+
+
+def test_numbers_are_put_where_they_stood_whatever_signs_stand_before_them():
+    text = "# Ω µ\nnode:\n  ros__parameters:\n    controller: {kp: 1.0, ki: 2.0}  # ±\n    name: ü\n"
+    found = yaml_text.with_values(text, "x", ("node", "ros__parameters", "controller"), {"ki": 3.5}, "tuned")
+    assert found == text.replace("2.0", "3.5").replace("    controller", "    # tuned\n    controller")
 
 
 TEXTS = sorted(
