@@ -69,13 +69,20 @@ def _range_of_quarters(recent: Floats) -> float:
 
 
 @jit
+def _push(values: Floats, newest: float) -> None:
+    """Let the oldest go.  One by one: to compile a slice that is put into another takes two seconds."""
+    last = len(values) - 1
+    for i in range(last):
+        values[i] = values[i + 1]
+    values[last] = newest
+
+
+@jit
 def _noise(recent: Floats, steps: Floats, state: Floats, value: float) -> float:
     """See :meth:`Liveliness.step`; ``recent`` and ``steps`` end with the newest."""
     if state[_SEEN] >= 2.0:
-        steps[:-1] = steps[1:]
-        steps[-1] = abs(value - 2.0 * recent[-1] + recent[-2])
-    recent[:-1] = recent[1:]
-    recent[-1] = value
+        _push(steps, abs(value - 2.0 * recent[-1] + recent[-2]))
+    _push(recent, value)
     state[_SEEN] += 1.0
     state[_FRESH] += 1.0
     if state[_SEEN] < WINDOW:
