@@ -41,6 +41,10 @@ class HiddenBench(VirtualBench):
             for name, kind in known.items()
             if hidden.get(name)
         ]
+        self._stretching, self._reading = (
+            [each for each in self.hidden if getattr(type(each), hook) is not getattr(Hidden, hook)]
+            for hook in ("stretch_m", "read")
+        )
         self._stretch_m = 0.0
         if self.hidden:
             for each in self.hidden:
@@ -83,11 +87,15 @@ class HiddenBench(VirtualBench):
             n = min(CHUNK - self.samples % CHUNK, end - self.samples)
             before_m = self._stretch_m
             super()._run(n)
-            self._stretch_m = sum(each.stretch_m(self._state, self.time_s, n * STEP_s) for each in self.hidden)
-            at = np.arange(self._row - n, self._row) % RING
+            if not (self._stretching or self._reading):
+                continue
+            first = (self._row - n) % RING
+            at = slice(first, first + n) if first + n <= RING else np.arange(first, first + n) % RING
             rows = self._ring[at]
-            rows[:, POSITION] += before_m + (self._stretch_m - before_m) * np.arange(1, n + 1) / n
+            if self._stretching:
+                self._stretch_m = sum(each.stretch_m(self._state, self.time_s, n * STEP_s) for each in self._stretching)
+                rows[:, POSITION] += before_m + (self._stretch_m - before_m) * np.arange(1, n + 1) / n
             time_s = np.arange(self.samples - n + 1, self.samples + 1) * STEP_s
-            for each in self.hidden:
+            for each in self._reading:
                 each.read(rows, time_s)
             self._ring[at] = rows
