@@ -17,7 +17,7 @@ from math import inf, nan
 from typing import Any, Protocol
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtr, stdtrit
 
 from sma_actuator.fleet import spread
 
@@ -170,9 +170,8 @@ def next_fall(before: np.ndarray, after: np.ndarray) -> NextFall:
     if n < 2:
         return NextFall(0.0, -inf, inf)
     mean, spread_ = float(fall.mean()), float(fall.std(ddof=1) * np.sqrt(1.0 + 1.0 / n))
-    law = student(n - 1)
-    reach = float(law.ppf(0.5 + 0.5 * INSIDE)) * spread_
-    chance = float(law.cdf(mean / spread_)) if spread_ > 0.0 else float(mean > 0.0)
+    reach = float(stdtrit(n - 1, 0.5 + 0.5 * INSIDE)) * spread_
+    chance = float(stdtr(n - 1, mean / spread_)) if spread_ > 0.0 else float(mean > 0.0)
     return NextFall(chance, mean - reach, mean + reach)
 
 

@@ -13,7 +13,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import correlate
 
 from .bench_log import BenchLog, averaged, longest_pause_s, uncalibrated_resistance_and_current
 from .cycles import SAME_LOAD, cycle_numbers, cycles_of, is_driven, which_are_full
@@ -335,7 +334,8 @@ def _late_s(time_s: np.ndarray, values: np.ndarray, others: np.ndarray, cycle_s:
     scale = float(np.sqrt((a @ a) * (b @ b)))
     if most < 1 or not scale > 0.0:
         return None
-    whole = correlate(a, b, method="fft") / scale
+    many = 1 << (len(a) + len(b) - 2).bit_length()
+    whole = np.fft.irfft(np.fft.rfft(a, many) * np.fft.rfft(b[::-1], many), many) / scale  # at every lag
     middle = len(b) - 1
     together = np.abs(whole[middle - most : middle + most + 1])
     best = int(np.argmax(together))

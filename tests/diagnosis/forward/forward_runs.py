@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from scipy.signal import lfilter
 
 from sma_actuator.diagnosis.forward.kernel import POSITION, simulate
 from sma_actuator.diagnosis.forward.runs import Run
@@ -64,6 +63,8 @@ def synthetic(
         position_m = np.concatenate([[0.0], simulate(wire, duty, _STEP_s)[:-1, POSITION]])
         position_m += bend * STROKE_M * np.sin(2.0 * np.pi * position_m / STROKE_M)
         if drift_m:
+            from scipy.signal import lfilter
+
             steps = np.sqrt(1.0 - keeps**2) * rng.standard_normal(len(t))
             position_m += drift_m * lfilter([1.0], [1.0, -keeps], steps)
         runs.append(Run(name, t, duty, position_m + noise_m * rng.standard_normal(len(t)) + 0.001))

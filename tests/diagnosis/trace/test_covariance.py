@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.stats import multivariate_normal
 
 from sma_actuator.diagnosis.trace.covariance import Covariance
 
@@ -79,6 +78,8 @@ def test_rows_that_are_further_off_by_themselves_are_as_in_the_matrix_and_cost_a
 
 
 def test_the_likelihood_is_the_normal_one_up_to_what_is_common_to_all():
+    from scipy.stats import multivariate_normal
+
     def normal(rows, *columns):
         return multivariate_normal(cov=dense(*columns)).logpdf(rows)
 
