@@ -144,14 +144,15 @@ def test_strengths_of_zero_are_the_virtual_bench(load):
     assert np.array_equal(hidden(load, **dict.fromkeys(ALL, 0.0)), plain(load))
 
 
+@pytest.mark.parametrize("again_s", [SESSION_s / 3, pytest.param(SESSION_s, marks=pytest.mark.long)])
 @pytest.mark.parametrize("name", ALL)
-def test_an_effect_reaches_its_channels_alone_and_repeats_itself(name):
+def test_an_effect_reaches_its_channels_alone_and_repeats_itself(name, again_s):
     rows = hidden(**{name: STRENGTH[name]})
     changed = {int(i) for i in np.flatnonzero((rows != plain()).any(axis=0))}
     # Feedback through the resistance may move the last bit of the current.
     settled = np.abs(rows - plain()).max(axis=0) > 1e-9
     assert {int(i) for i in np.flatnonzero(settled)} == REACHES[name], changed
-    again = hidden(seconds=SESSION_s / 3, **{name: STRENGTH[name]})
+    again = hidden(seconds=again_s, **{name: STRENGTH[name]})
     assert np.array_equal(rows[: len(again)], again)
 
 

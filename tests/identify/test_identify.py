@@ -433,9 +433,12 @@ def test_lines_from_material_properties_go_through_their_corners_and_are_near_th
     assert a_h == pytest.approx(np.polynomial.polynomial.polyval(stress_Pa, model.heating_slope), rel=0.5)
 
 
-def test_the_command_writes_a_file_that_the_node_accepts_and_a_page(flexinol, tmp_path):
+@pytest.mark.parametrize(
+    "words", [("--no-extension",), pytest.param((), marks=pytest.mark.long)], ids=("as it is", "extended")
+)
+def test_the_command_writes_a_file_that_the_node_accepts_and_a_page(flexinol, tmp_path, words):
     out = tmp_path / "model.yaml"
-    summary = identified(flexinol.paths, flexinol.folder / "bench.yaml", out, "--no-extension")
+    summary = identified(flexinol.paths, flexinol.folder / "bench.yaml", out, *words)
     config = Config.load(out)
     assert config.model_type == "flexinol" and config.wire.length == 0.1
     assert len(summary["intervals_95_percent"]["heating_slope"]) == 3 and len(summary["errors"]) == 8

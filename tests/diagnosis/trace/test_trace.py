@@ -72,6 +72,8 @@ def beside(evidence, right, wrong):
     return found, next(why for why in whys(evidence, found) if why.names == (wrong,))
 
 
+#: A session of two logs takes twice the time, of driving it and of every fit, and most of it one shows as well.
+ONE_LOG_AND_TWO = pytest.mark.parametrize("logs", [1, pytest.param(2, marks=pytest.mark.long)])
 #: For ``without``: a competition of a few candidates of every stage takes a third of the time of one of all.
 BUT_SOME = all_but("voltage_offset", "lead_resistance", "slip", "creep", "reference_gain", "load_cell_drift")
 
@@ -189,10 +191,11 @@ def test_what_raises_the_error_of_the_displacement_beyond_the_usual_is_worse_wha
     assert rows.worse(off(0.4, 10.0))
 
 
-def test_a_name_needs_its_signature_however_well_it_fits(wire, config):
+@ONE_LOG_AND_TWO
+def test_a_name_needs_its_signature_however_well_it_fits(wire, config, logs):
     """A lead moves R at rest, cold and hot, and not δ; a slip does the opposite, so it is not the name, whatever it
     mends."""
-    evidence = Evidence(session(wire[0], {"lead_resistance": 0.06}, logs=1), config)
+    evidence = Evidence(session(wire[0], {"lead_resistance": 0.06}, logs=logs), config)
     right, wrong = beside(evidence, "lead_resistance", "slip")
     cold = "resistance at cold rest"
     assert right.witnesses["before"][cold] > 4.0 > 2.0 > right.witnesses["after"][cold]
@@ -200,21 +203,23 @@ def test_a_name_needs_its_signature_however_well_it_fits(wire, config):
     assert trace(evidence, only=["slip"], jobs=1).verdict == "unexplained"
 
 
-def test_a_hot_rest_counts_though_the_wire_is_not_quite_as_hot_as_at_the_calibration(wire, config):
+@ONE_LOG_AND_TWO
+def test_a_hot_rest_counts_though_the_wire_is_not_quite_as_hot_as_at_the_calibration(wire, config, logs):
     """Its resistance is lower then, by what the calibration knows of a contracted wire; that is no news, and a lead
     is."""
     off = {}
     for hidden in ({}, {"lead_resistance": 0.03}):
-        evidence = Evidence(session(wire[0], hidden, logs=1, heat=0.85), config)
+        evidence = Evidence(session(wire[0], hidden, logs=logs, heat=0.85), config)
         every = np.ones(evidence.units, dtype=bool)
         off[len(hidden)] = evidence.witnesses(evidence.residual({}), every)["resistance at hot rest"]
     assert 0.0 < off[0] < 1.0 and off[1] > off[0] + 1.0
 
 
-def test_a_spring_tells_a_drifting_sensor_from_a_creeping_wire(wire, config):
+@ONE_LOG_AND_TWO
+def test_a_spring_tells_a_drifting_sensor_from_a_creeping_wire(wire, config, logs):
     """Its load follows the wire; so a line that bends is the sensor's, and one that is straight is not."""
     hidden = {"reference_drift": 2.5e-4}
-    evidence = Evidence(session(wire[0], hidden, load=Spring(300.0, 0.5), logs=1), config)
+    evidence = Evidence(session(wire[0], hidden, load=Spring(300.0, 0.5), logs=logs), config)
     right, wrong = beside(evidence, "reference_drift", "creep")
     line = "load against displacement"
     assert right.witnesses["before"][line] > 3.0 > 0.5 > right.witnesses["after"][line]
@@ -251,10 +256,11 @@ def test_a_wire_that_lags_is_as_likely_as_a_sensor_that_does_until_it_pulls_a_sp
     assert apart[Spring] > 10.0
 
 
-def test_the_power_to_transform_tells_a_changed_heat_loss_from_a_wire_whose_resistance_rises_more(wire, config):
+@ONE_LOG_AND_TWO
+def test_the_power_to_transform_tells_a_changed_heat_loss_from_a_wire_whose_resistance_rises_more(wire, config, logs):
     """The wire that warms more takes the same power."""
     power = "power in the transformation"
-    evidence = Evidence(session(wire[0], {"heat_loss": -0.4}, logs=1), config)
+    evidence = Evidence(session(wire[0], {"heat_loss": -0.4}, logs=logs), config)
     right, wrong = beside(evidence, "heat_loss", "self_heating")
     assert right.fit.values["heat_loss"]["change"] == pytest.approx(-0.4, abs=0.08)
     assert right.witnesses["before"][power] > 2.5 > 2.0 > right.witnesses["after"][power]
@@ -286,8 +292,9 @@ def test_the_power_to_transform_tells_it_from_surroundings_of_another_temperatur
     assert wrong.nats < 0.0 and wrong.by_witness["power in the transformation"] < -1.0
 
 
-def test_a_slip_is_no_drift_however_much_a_drift_mends(wire, config):
-    _, wrong = beside(Evidence(session(wire[0], {"slip": 4e-4}, logs=1), config), "slip", "reference_drift")
+@ONE_LOG_AND_TWO
+def test_a_slip_is_no_drift_however_much_a_drift_mends(wire, config, logs):
+    _, wrong = beside(Evidence(session(wire[0], {"slip": 4e-4}, logs=logs), config), "slip", "reference_drift")
     assert wrong.nats < -3.0
 
 
@@ -324,8 +331,9 @@ def test_without_a_sense_resistor_it_does_not_compete(clean):
         assert not any(math.isnan(v) for f in candidate(name, scales).free for v in (f.low, f.high, f.typical)), name
 
 
-def test_what_the_log_could_not_show_is_untestable_never_absent(wire, config):
-    evidence = Evidence(session(wire[0], {"voltage_offset": 0.004}, load=Weight(0.98), logs=1), config)
+@ONE_LOG_AND_TWO
+def test_what_the_log_could_not_show_is_untestable_never_absent(wire, config, logs):
+    evidence = Evidence(session(wire[0], {"voltage_offset": 0.004}, load=Weight(0.98), logs=logs), config)
     few = all_but("voltage_offset", "elastic_compliance", "ambient_temperature")
     found = trace(evidence, without=few, jobs=1)
     assert found.fit.names == ("voltage_offset",)
@@ -333,7 +341,8 @@ def test_what_the_log_could_not_show_is_untestable_never_absent(wire, config):
     assert "ambient" in found.untestable["ambient_temperature"]
 
 
-def test_an_effect_that_no_bench_can_hide_competes_like_any_other(wire, config, monkeypatch):
+@ONE_LOG_AND_TWO
+def test_an_effect_that_no_bench_can_hide_competes_like_any_other(wire, config, monkeypatch, logs):
     """Whoever brings one may trace real logs with it; its twin is what a trial wants."""
 
     @dataclasses.dataclass(frozen=True)
@@ -353,7 +362,7 @@ def test_an_effect_that_no_bench_can_hide_competes_like_any_other(wire, config, 
     monkeypatch.setattr(EFFECTS, "_parts", dict(EFFECTS.registered))
     EFFECTS.register("scale")(Scale)
     assert "scale" not in TWINS
-    found = trace(Evidence(session(wire[0], {"reference_gain": 0.1}, logs=1), config), only=["scale"], jobs=1)
+    found = trace(Evidence(session(wire[0], {"reference_gain": 0.1}, logs=logs), config), only=["scale"], jobs=1)
     assert found.fit.values["scale"]["gain"] == pytest.approx(0.1, rel=0.2)
 
 
