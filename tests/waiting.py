@@ -69,10 +69,10 @@ class Stalls:
         self._thread.join()
 
 
-def wait_until(condition, timeout_s=SOON_s, what="it"):
+def wait_until(condition, timeout_s=SOON_s, what="it", every_s=0.005):
     """Poll ``condition`` until it is true; its value."""
     elapsed = Elapsed()
     while not (value := condition()):
         assert elapsed.look() < timeout_s, f"{what} did not come within {timeout_s} s"
-        time.sleep(0.005)
+        time.sleep(every_s)
     return value

@@ -171,6 +171,7 @@ def off_within(rig, promised_s):
         begun_s = time.monotonic()
         while rig.is_on:
             assert stalls.since(begun_s) < promised_s + MEASURING_s, rig.status
+            time.sleep(0.002)
 
 
 def test_it_is_driven_to_a_setpoint_and_switched_off(rig, counterpart):

@@ -81,6 +81,7 @@ class Rig:
         elapsed = Elapsed(MOST_OF_A_LOOK_s)
         while not self.oracle.off:
             assert elapsed.look() < FAULTS[fault].within(self.config) + MEASURING_s, self.status
+            time.sleep(0.005)
 
     def drives(self):
         """Whether current flows; a machine that stalls may have lost an instrument meanwhile."""

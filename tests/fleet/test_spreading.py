@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from waiting import SOON_s, wait_until
 
+SCAN_s = 0.05  #: between looks through all processes
 MARK = "SMA_TEST_OF_SPREADING"
 MODEL = Path(__file__).parents[2] / "config/flexinol.yaml"
 
@@ -45,10 +46,10 @@ def test_a_trace_that_is_ended_takes_its_workers_with_it_in_good_order(number, f
     command = [sys.executable, "-m", "sma_actuator", "trace", *logs, "--config", str(MODEL), "--jobs", "2"]
     command += ["--out", str(tmp_path / "traced")]
     with started(command, tmp_path) as process:
-        wait_until(lambda: both_workers(tmp_path) or process.poll() is not None, what="both workers")
+        wait_until(lambda: both_workers(tmp_path) or process.poll() is not None, what="both workers", every_s=SCAN_s)
         process.send_signal(number)
         words = process.communicate(timeout=SOON_s)[1]  # ends when nobody has the stream any more
-    wait_until(lambda: not marked(tmp_path), what="the end of all workers")
+    wait_until(lambda: not marked(tmp_path), what="the end of all workers", every_s=SCAN_s)
     assert process.returncode == 128 + number, words
     assert words.strip().endswith("sma-actuator trace: interrupted") and "Traceback" not in words
 
@@ -75,8 +76,10 @@ with spread(2) as do:
 def test_workers_end_with_their_parent_whatever_ends_it(program, number, code, tmp_path):
     with started([sys.executable, "-c", _PROGRAM.format(program)], tmp_path) as process:
         if number is not None:
-            wait_until(lambda: both_workers(tmp_path) or process.poll() is not None, what="both workers")
+            wait_until(
+                lambda: both_workers(tmp_path) or process.poll() is not None, what="both workers", every_s=SCAN_s
+            )
             process.send_signal(number)
         process.communicate(timeout=SOON_s)
-    wait_until(lambda: not marked(tmp_path), what="the end of all workers")
+    wait_until(lambda: not marked(tmp_path), what="the end of all workers", every_s=SCAN_s)
     assert process.returncode == code
