@@ -14,11 +14,12 @@ from sma_actuator.base.signals import Quality, Signals
 from sma_actuator.calibration.learning import calibration_of
 from sma_actuator.calibration.rest import SPREAD
 from sma_actuator.characterise.programs import hold, partial_cycles, square_pulses
-from sma_actuator.config import Config
+from sma_actuator.config import Config, bench_from_mapping
 from sma_actuator.diagnosis.trace import Evidence
 from sma_actuator.diagnosis.trace.hypotheses import Rows
 from sma_actuator.diagnosis.trace.witnesses.residual import INTERVAL
 from sma_actuator.estimation.chain import Chain
+from sma_actuator.estimation.models.whole_range import at_usual_load, resistances_of
 from sma_actuator.identify import IdentificationError, identify
 from sma_actuator.identify.fitters.fitting import predict
 from sma_actuator.identify.fitters.whole_range import learner
@@ -101,6 +102,45 @@ def test_a_model_turned_round_is_not_loaded(whole):
         ConfigError, match=r"model.curve: displacement falls from the hot wire to the cold one.*counts contraction"
     ):
         Config.from_mapping(mapping)
+
+
+def test_a_resistance_that_no_load_parts_from_is_not_loaded(whole):
+    mapping = {**whole.mapping, "model": {**whole.mapping["model"]}}
+    mapping["model"]["cold_resistance"] = mapping["model"]["hot_resistance"]
+    with pytest.raises(ConfigError, match=r"model.cold_resistance: not above model.hot_resistance"):
+        Config.from_mapping(mapping)
+
+
+def test_a_load_alone_moves_no_resistance_of_a_wire_that_does_not_transform(whole, flexinol):
+    """At either end of pulses at all loads the model sees one resistance; measured, the cold one's rises by a tenth of
+    its range or more from the lightest load to the heaviest."""
+    c = whole.config.model
+    resistances = resistances_of(c.hot_resistance, c.cold_resistance, c.stress_range)
+    seen_Ohm, measured_Ohm = [], []
+    for log in flexinol.logs:
+        if log.metadata["kind"] == "pulses":
+            signals = make_experiment(log, whole.config).signals
+            cold = signals.reference_displacement_m >= np.percentile(signals.reference_displacement_m, 95.0)
+            measured_Ohm.append(float(np.median(signals.resistance_Ohm[cold])))
+            seen_Ohm.append(at_usual_load(measured_Ohm[-1], float(np.median(signals.stress_Pa[cold])), resistances))
+    assert np.ptp(measured_Ohm) > 0.1 * resistances[5]
+    assert np.ptp(seen_Ohm) < 0.3 * np.ptp(measured_Ohm)
+
+
+def test_where_the_loads_show_ranges_that_are_not_alike_the_resistance_is_taken_as_it_is(flexinol):
+    """Those of parts of the stroke are as wide as the parts: here a heavy load's is a hundredth of a light one's."""
+    config = bench_from_mapping(flexinol.mapping)
+    experiments = make_experiments([log for log in flexinol.logs if log.metadata["kind"] == "pulses"], config)
+    heavy_Pa = np.median([e.mean_stress_Pa for e in experiments])
+    parts = []
+    for each in experiments:
+        if each.mean_stress_Pa > heavy_Pa:
+            mean_Ohm = np.mean(each.resistance_Ohm)
+            resistance_Ohm = mean_Ohm + 0.01 * (each.resistance_Ohm - mean_Ohm)
+            each = dataclasses.replace(each, signals=dataclasses.replace(each.signals, resistance_Ohm=resistance_Ohm))
+        parts.append(each)
+    assert Data(experiments, config).ends_Ohm[1, 1] > 0.0
+    assert Data(parts, config).ends_Ohm.tolist() == [[0.0, 0.0], [1.0, 0.0]]
 
 
 def sample(signals: Signals, i: int) -> Signals:

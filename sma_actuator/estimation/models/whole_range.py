@@ -12,7 +12,8 @@ the latent heat in λ_R and λ_X, where X is how far δ lies between the ends of
 E is an integral of power: δ enters only through the heat lost, so that an error of δ cannot run in a circle with the
 temperature that is made of it.  What the estimate sees is
 
-* R, σ and an apparent temperature θ = E + λ_θ R,
+* R as it would be under a usual load (a load that stretches the wire raises its resistance though nothing transforms),
+  σ and an apparent temperature θ = E + λ_θ R,
 * how far θ, less what stress adds to it, has come from its last turns: plays of several widths [K],
 * how far R has come from its own: plays of several widths [Ω].
 
@@ -26,9 +27,10 @@ Everything is one kernel for one sample; a log is a loop over it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import exp, isfinite, nan, sqrt, tanh
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -81,6 +83,7 @@ _STILL_SEEN = 0.5  #: share of the residual below which the quality says that li
 class Numbers(NamedTuple):
     """The coefficients as the kernels want them, and room to work in."""
 
+    resistances: np.ndarray  #: as :func:`resistances_of` has them
     thermal: np.ndarray  #: the heat balance, in the order of the indices above
     ends: np.ndarray  #: (2, 3): hot and cold end of the stroke, quadratics in stress
     widths_K: np.ndarray  #: half-widths of the plays of temperature
@@ -100,6 +103,15 @@ class Numbers(NamedTuple):
     seen: np.ndarray  #: room for the features of a sample
     z: np.ndarray  #: for what is made of them
     units: np.ndarray  #: and for the tanh units
+
+
+@jit
+def at_usual_load(resistance: Any, stress: Any, resistances: np.ndarray) -> Any:
+    """The resistance [Ω] that the wire would have under the usual load, as far between the hot one's and the cold one's
+    as it is under this stress; of one sample or of n."""
+    hot = resistances[0] + stress * resistances[1]
+    cold = resistances[2] + stress * resistances[3]
+    return resistances[4] + (resistance - hot) * (resistances[5] / (cold - hot))
 
 
 @jit
@@ -364,6 +376,7 @@ def advance(
     out: np.ndarray,
 ) -> None:
     """One sample: δ [m], half of its 95 % interval [m] and the share of the residual, into ``out`` (3,)."""
+    resistance = at_usual_load(resistance, stress, n.resistances)
     if state[_TIME] != state[_TIME]:  # NaN
         # At rest: the place that agrees with the temperature that is made of it.
         share, rested = 1.0, state[_RESTED] if state[_RESTED] == state[_RESTED] else power
@@ -428,6 +441,7 @@ class WholeRangeModel:
         whitening = np.zeros((n, n))
         whitening[np.tril_indices(n)] = c.novelty
         self._numbers = Numbers(
+            resistances=resistances_of(c.hot_resistance, c.cold_resistance, c.stress_range),
             thermal=np.array([*c.thermal, *c.near_surroundings]),
             ends=np.array([c.hot_end, c.cold_end]),
             widths_K=np.array(c.play_widths_K),
@@ -530,6 +544,12 @@ class WholeRangeCoefficients:
     )
     hot_end: tuple[float, ...] = parameter(description="δ where all is austenite, quadratic in stress [Pa]", unit="m")
     cold_end: tuple[float, ...] = parameter(description="δ where it is cold, likewise", unit="m")
+    hot_resistance: tuple[float, ...] = parameter(
+        (0.0, 0.0), "resistance where all is austenite, a line in stress [Pa]", unit="Ω", optional=True
+    )
+    cold_resistance: tuple[float, ...] = parameter(
+        (1.0, 0.0), "resistance where it is cold, likewise", unit="Ω", optional=True
+    )
     ambient_temperature: float = parameter(
         description="temperature of the surroundings where none is measured", unit="°C", lo=-60.0, hi=100.0
     )
@@ -589,9 +609,16 @@ class WholeRangeCoefficients:
     def _wrong_sense(self) -> list[str]:
         """The physical curve goes up from the hot and little resistant wire to the cold and resistant one."""
         by_resistance, by_temperature = self.curve[1], self.curve[DIRECT]
-        if by_resistance > by_temperature:
-            return []
-        return [f"model.curve: displacement falls from the hot wire to the cold one, {COUNTS_CONTRACTION}"]
+        hot, cold = (
+            np.polynomial.polynomial.polyval(np.array(self.stress_range), end)
+            for end in (self.hot_resistance, self.cold_resistance)
+        )
+        problems = []
+        if not by_resistance > by_temperature:
+            problems.append(f"model.curve: displacement falls from the hot wire to the cold one, {COUNTS_CONTRACTION}")
+        if not (cold > hot).all():
+            problems.append("model.cold_resistance: not above model.hot_resistance over all of model.stress_range")
+        return problems
 
     def _wrong_lengths(self) -> list[str]:
         plays = len(self.play_widths_K) + len(self.play_widths_Ohm)
@@ -601,6 +628,8 @@ class WholeRangeCoefficients:
             "near_surroundings": 2,
             "hot_end": 3,
             "cold_end": 3,
+            "hot_resistance": 2,
+            "cold_resistance": 2,
             "feature_centre": n,
             "feature_scale": n,
             "feature_low": n,
@@ -625,6 +654,14 @@ class WholeRangeCoefficients:
     def build(self, wire: Wire) -> WholeRangeModel:
         """The model of the wire the coefficients were fitted on."""
         return WholeRangeModel(self)
+
+
+def resistances_of(hot: Sequence[float], cold: Sequence[float], stress_Pa: Sequence[float]) -> np.ndarray:
+    """What :func:`at_usual_load` goes by: the hot and the cold wire's resistance [Ω], lines in stress [Pa], then the
+    hot one's and what is between both in the middle of the stresses, which is the usual load."""
+    usual_Pa = 0.5 * (stress_Pa[0] + stress_Pa[1])
+    hot_Ohm, cold_Ohm = (float(np.polynomial.polynomial.polyval(usual_Pa, end)) for end in (hot, cold))
+    return np.array([*hot, *cold, hot_Ohm, cold_Ohm - hot_Ohm])
 
 
 def known_of(thermal: ThermalParameters) -> np.ndarray:

@@ -130,6 +130,8 @@ def _coefficients(
         near_surroundings=_six(thermal[THERMAL:]),
         hot_end=_six(data.ends[0] * percent_m),
         cold_end=_six(data.ends[1] * percent_m),
+        hot_resistance=_six(data.ends_Ohm[0]),
+        cold_resistance=_six(data.ends_Ohm[1]),
         ambient_temperature=float(f"{np.median(data.ambient):.4g}"),
         play_widths_K=PLAYS_K,
         play_widths_Ohm=_six(data.plays_Ohm),
@@ -149,7 +151,7 @@ def _coefficients(
         intervals=_six(intervals.ravel()),
         spread_floor=float(f"{floor * percent_m:.4g}"),
         curve_interval=float(f"{np.quantile(np.abs(left.curve_error), COVERAGE) * percent_m:.4g}"),
-        stress_range=tuple(float(np.round(v)) for v in (data.stress.min(), data.stress.max())),
+        stress_range=tuple(float(np.round(v)) for v in data.stress_Pa),
         displacement_range=_six(np.array([lowest, highest]) * percent_m),
         stroke=_six(np.array([lowest, highest]) * percent_m),
     )

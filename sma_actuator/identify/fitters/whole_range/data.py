@@ -12,7 +12,9 @@ from sma_actuator.estimation.models.whole_range import (
     PLAYS_K,
     PLAYS_OF_RANGE,
     REMEMBERED,
+    at_usual_load,
     features_all,
+    resistances_of,
     thermal_numbers,
 )
 from sma_actuator.identify.ranges import ONE_LOAD, distinct_stresses
@@ -34,6 +36,9 @@ SHORTEST_STEP_s, SHORTEST_STEP = 0.045, 1.0 / 30.0
 #: much more, with fewer than USUAL_LOADS by the square of how much further these are apart, as what is between two of
 #: them goes with it.
 SMOOTH_IN_STRESS, USUAL_LOADS = 3.0, 5
+#: Share of the widest range of the resistance that the narrowest under another load has at least: of four wires it was
+#: 0.65 to 0.92.
+LEAST_SPAN = 0.3
 #: A heat balance fitted to pulses is off by some tenths of a kelvin or more when the wire is driven otherwise.  Copies
 #: of the logs with such an error [K] teach the learners not to lean on it where the resistance says more; copies with
 #: the other one are for the intervals alone.
@@ -63,7 +68,15 @@ class Data:
         columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
         self.time, self.power, self.ambient, self.resistance, self.stress = columns[:5]
         self.displacement, self.heating, self.cycle = columns[5] / self.percent_m, columns[6], columns[7]
-        self.ends = _ends_of_stroke(experiments, parts) / self.percent_m
+        ends_m, self.ends_Ohm = _ends(experiments, parts)
+        self.ends = ends_m / self.percent_m
+        #: Between which stresses the model is, and its resistances are.
+        self.stress_Pa = float(self.stress.min()), float(self.stress.max())
+        if not _alike(self.ends_Ohm, self.stress_Pa):
+            self.ends_Ohm = np.array([[0.0, 0.0], [1.0, 0.0]])
+        hot_Ohm, cold_Ohm = self.ends_Ohm
+        resistances = resistances_of(hot_Ohm, cold_Ohm, self.stress_Pa)
+        self.resistance = at_usual_load(self.resistance, self.stress, resistances)
         powers = self.stress[:, None] ** np.arange(3)
         hot, cold = powers @ self.ends[0], powers @ self.ends[1]
         self.share = np.clip((self.displacement - hot) / (cold - hot), 0.0, 1.0)
@@ -154,26 +167,40 @@ def _thinned(experiment: Experiment, earlier: np.ndarray, ambient_C: float, step
     )
 
 
-def _ends_of_stroke(experiments: Sequence[Experiment], parts: Sequence[tuple[np.ndarray, ...]]) -> np.ndarray:
-    """Hot and cold end [m] as quadratics in stress (lower orders where there are fewer loads), shape (2, 3)."""
+def _ends(experiments: Sequence[Experiment], parts: Sequence[tuple[np.ndarray, ...]]) -> tuple[np.ndarray, np.ndarray]:
+    """Hot and cold end of the stroke [m] as quadratics in stress, shape (2, 3), and the wire's resistance there [Ω] as
+    lines, shape (2, 2); lower orders where there are fewer loads."""
     whole = [p for t, p in zip(experiments, parts, strict=False) if t.kind != "partial"] or list(
         parts[: len(experiments)]
     )
-    stress_Pa, place_m = np.empty((2, len(whole))), np.empty((2, len(whole)))
+    stress_Pa, place_m, resistance_Ohm = (np.empty((2, len(whole))) for _ in range(3))
     for k, part in enumerate(whole):
         own = ~part[8] | part[8].all()
-        stress, displacement = part[4][own], part[5][own]
+        resistance, stress, displacement = part[3][own], part[4][own], part[5][own]
         low, high = np.percentile(displacement, (0.5, 99.5))
         for end, chosen in enumerate(
             (displacement <= low + 0.02 * (high - low), displacement >= high - 0.02 * (high - low))
         ):
             stress_Pa[end, k], place_m[end, k] = np.median(stress[chosen]), (low, high)[end]
-    order = min(2, distinct_stresses(experiments) - 1)
-    out = np.zeros((2, 3))
-    for end in range(2):
-        found = np.polynomial.polynomial.polyfit(stress_Pa[end] / 1e8, place_m[end], order)
-        out[end, : order + 1] = found / 1e8 ** np.arange(order + 1)
+            resistance_Ohm[end, k] = np.median(resistance[chosen])
+    most = distinct_stresses(experiments) - 1
+    return _in_stress(stress_Pa, place_m, 2, most), _in_stress(stress_Pa, resistance_Ohm, 1, most)
+
+
+def _in_stress(stress_Pa: np.ndarray, values: np.ndarray, order: int, most: int) -> np.ndarray:
+    """Polynomials of an order in stress, or of the ``most`` that the loads allow, one for each row; shape
+    (rows, order + 1)."""
+    out, fitted = np.zeros((len(values), order + 1)), min(order, most)
+    for row, at_Pa, value in zip(out, stress_Pa, values, strict=True):
+        row[: fitted + 1] = np.polynomial.polynomial.polyfit(at_Pa / 1e8, value, fitted) / 1e8 ** np.arange(fitted + 1)
     return out
+
+
+def _alike(ends_Ohm: np.ndarray, stress_Pa: tuple[float, float]) -> bool:
+    """Whether what is between the hot and the cold wire's resistance is of one size under all loads; logs of parts of
+    the stroke do not show it."""
+    lightest_Ohm, heaviest_Ohm = np.polynomial.polynomial.polyval(np.array(stress_Pa), ends_Ohm[1] - ends_Ohm[0])
+    return bool(min(lightest_Ohm, heaviest_Ohm) > LEAST_SPAN * max(lightest_Ohm, heaviest_Ohm))
 
 
 def _with_other_surroundings(
