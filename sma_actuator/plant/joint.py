@@ -66,11 +66,12 @@ def simulate_joint(
     c_2, wire_2, inputs_2, ring_2 = second
     inputs_1[physics.STIFFNESS] = stiffness_N_m
     inputs_2[physics.STIFFNESS] = stiffness_N_m
+    one = min(steps, 1)  # for a literal one numba would compile the whole physics of a wire once more
     for _ in range(steps):
         inputs_1[physics.SPRING_AT] = at_zero_m[0] - radius_m * angle_rad
         inputs_2[physics.SPRING_AT] = at_zero_m[1] + radius_m * angle_rad
-        rows[0] = physics.simulate(1, step_s, c_1, wire_1, inputs_1, ring_1, rows[0])
-        rows[1] = physics.simulate(1, step_s, c_2, wire_2, inputs_2, ring_2, rows[1])
+        rows[0] = physics.simulate(one, step_s, c_1, wire_1, inputs_1, ring_1, rows[0])
+        rows[1] = physics.simulate(one, step_s, c_2, wire_2, inputs_2, ring_2, rows[1])
         load_1, load_2 = wire_1.whole[physics.LOAD], wire_2.whole[physics.LOAD]
         taut = int(load_1 > 0.0) + int(load_2 > 0.0)
         stiffness_Nm = radius_m * radius_m * stiffness_N_m * taut
