@@ -534,7 +534,7 @@ def test_an_output_that_somebody_else_switches_on_is_switched_off(make_driver):
 
 def test_current_is_set_before_the_output_is_switched_on(make_driver):
     outputs = Outputs()
-    driver = make_driver(on_output=outputs)
+    driver = make_driver(on_output=outputs, changes={"safety.reading_timeout": 60.0, "supply.watchdog_timeout": 60.0})
     supply, _ = driver.stand_ins
     driver.start()
     outputs.wait_for(lambda _: len(outputs.all) > 3)
