@@ -16,8 +16,8 @@ import numpy as np
 
 from sma_actuator.base.balance import gains
 from sma_actuator.base.jit import Floats, jit
+from sma_actuator.base.lookup import looked_up, row_of
 from sma_actuator.base.signals import Estimate, Signals
-from sma_actuator.base.tables import looked_up, row_of
 
 from .law import LawSections
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from sma_actuator.base.calibration import Calibration, through
 from sma_actuator.base.jit import Floats, jit
-from sma_actuator.base.tables import looked_up, row_of, values_of
+from sma_actuator.base.lookup import looked_up, row_of, values_of
 
 #: Time over which the stress is averaged: a load cell's noise does not move an end.
 SMOOTH_s = 0.5

@@ -18,8 +18,8 @@ import numpy as np
 
 from sma_actuator.base.calibration import Calibration, interpolated
 from sma_actuator.base.jit import Floats, jit
+from sma_actuator.base.lookup import looked_up, row_of
 from sma_actuator.base.sections import ThermalParameters
-from sma_actuator.base.tables import looked_up, row_of
 
 #: Shares of the calibration's range of resistance above that of the contracted wire, within which the wire counts as
 #: contracted from now on, and beyond which it does no more.

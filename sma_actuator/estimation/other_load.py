@@ -11,7 +11,7 @@ from math import exp, inf, nan
 
 from sma_actuator.base.calibration import Calibration
 from sma_actuator.base.jit import Floats, floats, jit
-from sma_actuator.base.tables import looked_up, row_of
+from sma_actuator.base.lookup import looked_up, row_of
 
 from .ends import SMOOTH_s
 

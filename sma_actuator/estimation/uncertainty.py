@@ -17,8 +17,8 @@ import numpy as np
 
 from sma_actuator.base.calibration import Calibration, unknown_since_then_m
 from sma_actuator.base.jit import Floats, floats, jit
+from sma_actuator.base.lookup import places_below, row_of, values_of
 from sma_actuator.base.signals import Estimate, Quality, Signals
-from sma_actuator.base.tables import places_below, row_of, values_of
 
 from .models import StrainModel, ThermalStrainModel
 from .other_load import OtherLoad

@@ -18,7 +18,7 @@ from typing import NamedTuple
 from sma_actuator.base.balance import Balance, gains
 from sma_actuator.base.calibration import Calibration
 from sma_actuator.base.jit import Floats, jit
-from sma_actuator.base.tables import looked_up, row_of
+from sma_actuator.base.lookup import looked_up, row_of
 
 #: Time without motion that counts, and the same in the wire's thermal time constants: the longer of the two.
 PATIENCE_s, PATIENCE_TIMES = 0.8, 0.3

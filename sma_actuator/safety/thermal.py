@@ -25,8 +25,8 @@ from math import exp, expm1, inf, isfinite, nan
 
 from sma_actuator.base.calibration import Calibration, HotEndSection
 from sma_actuator.base.jit import Floats, floats, jit
+from sma_actuator.base.lookup import looked_up, row_of
 from sma_actuator.base.sections import ThermalParameters
-from sma_actuator.base.tables import looked_up, row_of
 
 #: The hottest that a wire may be is aimed at with this distance, for noise and a resistance that rises.
 HEADROOM_K = 5.0

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from sma_actuator.base.calibration import IntervalSection, TrainingSection
+from sma_actuator.base.lookup import row_of
 from sma_actuator.base.share import shared_file
 from sma_actuator.base.signals import Mode, Quality
-from sma_actuator.base.tables import row_of
 from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock, Weight
 from sma_actuator.config import Config
 from sma_actuator.driver import Driver

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from sma_actuator.base.calibration import interpolated
-from sma_actuator.base.tables import looked_up, places_below, row_of, values_of
+from sma_actuator.base.lookup import looked_up, places_below, row_of, values_of
 
 TABLES = [((1.0,), (7.0,)), ((), ()), ((0.0, 1.0, 4.0), (3.0, -1.0, 0.1)), ((0.1, 0.7), (0.3, 0.2))]
 
