@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from sma_actuator.base.one_thread import one_thread
 from sma_actuator.base.signals import Signals, Verdict
 from sma_actuator.config import Config
 from sma_actuator.estimation.chain import ESTIMATOR_RESET, Chain, Estimates
@@ -85,6 +86,7 @@ def estimate_m(experiment: Experiment, config: Config, constant_load_N: float | 
     return estimate(experiment, config, constant_load_N).displacement_m
 
 
+@one_thread()
 def replay(
     logs: Sequence[BenchLog],
     models: Mapping[str, Config],
