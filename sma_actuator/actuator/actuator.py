@@ -285,6 +285,7 @@ class Actuator:
                 self._told,
                 supervisor.heat,
                 waited,
+                self._chain.longer_m,
             )
         )
         late = self._late(raw, supply)  # the bias current flows, of which the law must not learn

@@ -236,6 +236,12 @@ class Chain:
         return self._model.displacement_range_m
 
     @property
+    def longer_m(self) -> float:
+        """How much longer the wire of the last sample is than its transformation makes it, since another load was on it
+        [m]; 0 where the model does not follow that."""
+        return self._thermal.longer_m if self._thermal is not None else 0.0
+
+    @property
     def says_how_sure(self) -> bool:
         """Whether the model itself says how far off every one of its samples may be."""
         return self._thermal is not None

@@ -4,8 +4,8 @@ Half of a 95 % interval.  A model of the whole range says it by itself; of the o
 leaves on its own calibration logs, at this place and branch: the mean residual and twice the scatter about it.  And
 where on its loop the wire is: after the output was off a measurement at the bias current tells the resistance, and the
 wire may be anywhere between the heating and the cooling curve there; as it moves, the loop forgets where it began, and
-so does this.  Of any model: how far a wire in training has moved since it was calibrated, and how far off one may be
-on which another load hung before (:class:`OtherLoad`).
+so does this.  Of any model: how far a wire in training has moved since it was calibrated; and where the model does not
+follow it, how far off one may be on which another load hung before (:class:`OtherLoad`).
 """
 
 from __future__ import annotations
@@ -36,9 +36,10 @@ class Uncertainty:
     def __init__(self, model: StrainModel | ThermalStrainModel, calibration: Calibration):
         left = calibration.interval
         self._since_then_m = unknown_since_then_m(calibration.training)
-        self._other_load = OtherLoad(calibration)
         #: None where the model says it by itself.
         self._model = None if isinstance(model, ThermalStrainModel) else model
+        follows = isinstance(model, ThermalStrainModel) and model.follows_loads
+        self._other_load = None if follows else OtherLoad(calibration)
         low_m, high_m = model.displacement_range_m
         self._forgotten_m = FORGOTTEN_SHARE * (high_m - low_m)
         self._state = floats(2)
@@ -67,9 +68,9 @@ class Uncertainty:
         if estimate.quality is Quality.INVALID:
             self._state[_BEFORE_m] = nan
             return nan
-        besides_m = self._since_then_m + self._other_load.step(
-            signals.time_s, signals.stress_Pa, estimate.displacement_m
-        )
+        besides_m = self._since_then_m
+        if self._other_load is not None:
+            besides_m += self._other_load.step(signals.time_s, signals.stress_Pa, estimate.displacement_m)
         if self._model is None or not len(self._tables):
             return estimate.uncertainty_m + besides_m
         heating_m, cooling_m = self._model.limits_m(signals.resistance_Ohm, signals.stress_Pa)

@@ -217,6 +217,7 @@ class Step:
     told: Command  #: what the supply was told in the step before
     heat: WireHeat
     waited: Waited = NOT_WAITED  #: since the step before
+    longer_m: float = 0.0  #: of the estimate: what is no transformation, but a load that hung on the wire before
 
     @property
     def is_timely(self) -> bool:

@@ -642,6 +642,22 @@ class TestHeatLossWrong:
         look(memory, rise_K=rise_K, config=Config.from_mapping(warm))
         assert bool(memory.since_s) is is_one
 
+    @pytest.mark.parametrize(("cold_m", "is_one"), [(1.01 * POSITION_m, True), (0.99 * POSITION_m, False)])
+    def test_is_none_under_a_load_that_leaves_the_cold_wire_shorter(self, cold_m, is_one, look, make_config):
+        ends = {"stress": [54e6], "resistance": [4.0], "displacement": [0.2e-3]}
+        hot_end = {"cooling_position": self.POSITION_m, "cooling_stress": [54e6], "cooling_rise": [self.RISE_K]}
+        hot_end |= {f"contracted_{name}": value for name, value in ends.items()}
+        rest = {f"cold_{name}": value for name, value in (ends | {"displacement": [cold_m]}).items()}
+        memory = Memory(**MEMORY)
+        look(memory, config=Config.from_mapping(make_config(calibration={"hot_end": hot_end, "rest": rest})))
+        assert bool(memory.since_s) is is_one
+
+    @pytest.mark.parametrize(("longer_m", "is_one"), [(-0.4e-3, True), (-0.6e-3, False)])
+    def test_a_wire_that_is_shorter_since_it_cooled_under_another_load_is_not_contracted(self, longer_m, is_one, look):
+        memory = Memory(**MEMORY)
+        look(memory, longer_m=longer_m)
+        assert bool(memory.since_s) is is_one
+
     def test_is_not_looked_for_where_the_calibration_does_not_say_what_a_cooling_wire_shows(self, step):
         memory = Memory(**MEMORY)
         said(heat_loss_wrong, step(memory=memory))

@@ -51,6 +51,8 @@ class ThermalStrainModel(Protocol):
     stress_range_Pa: tuple[float, float]  #: the stresses its coefficients were fitted on
     displacement_range_m: tuple[float, float]  #: where the wire can be driven to, whatever hangs on it
     stroke_m: tuple[float, float]  #: the stroke it was fitted on, both ends included
+    follows_loads: bool  #: whether it knows how long martensite is that formed under another load
+    longer_m: float  #: how much longer it is in the last sample that was observed
 
     def reset(self, power_W: float = nan) -> None:
         """Forget the past: the next sample is that of a wire at rest, in balance with this power; NaN: with its own."""

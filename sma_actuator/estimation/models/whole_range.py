@@ -35,10 +35,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sma_actuator.base.balance import gains
-from sma_actuator.base.jit import jit
+from sma_actuator.base.jit import Floats, jit
+from sma_actuator.base.lookup import row_of
 from sma_actuator.base.parameters import parameter
 from sma_actuator.base.sections import ThermalParameters, Wire
 
+from . import orientation
 from .checks import COUNTS_CONTRACTION, wrong_ranges, wrong_size
 from .model import COEFFICIENTS
 
@@ -100,6 +102,7 @@ class Numbers(NamedTuple):
     bias: np.ndarray  #: (units,)
     output: np.ndarray  #: (units,)
     widths: np.ndarray  #: of the interval on either branch, (2, places)
+    martensite: np.ndarray  #: how long its martensite is, and what resistance says of that (:mod:`.orientation`)
     seen: np.ndarray  #: room for the features of a sample
     z: np.ndarray  #: for what is made of them
     units: np.ndarray  #: and for the tanh units
@@ -149,6 +152,13 @@ def at_rest(
 
 
 @jit
+def _temperature(thermal: np.ndarray, state: np.ndarray) -> float:
+    """Of the wire at the sample before [°C]."""
+    temperature: float = state[_HEAT] + thermal[LATENT_K_Ohm] * state[_RESISTANCE] + thermal[LATENT_K] * state[_SHARE]
+    return temperature
+
+
+@jit
 def features(
     time: float,
     power: float,
@@ -166,7 +176,7 @@ def features(
     That of the sample before is in ``state``, where the caller puts it.
     """
     step = max(time - state[_TIME], 0.0)
-    temperature = state[_HEAT] + thermal[LATENT_K_Ohm] * state[_RESISTANCE] + thermal[LATENT_K] * state[_SHARE]
+    temperature = _temperature(thermal, state)
     wire, near = gains(
         temperature - ambient,
         state[_NEAR],
@@ -372,14 +382,31 @@ def advance(
     stress: float,
     heating: bool,
     state: np.ndarray,
+    oriented: Floats,
+    usual: Floats,
     n: Numbers,
     out: np.ndarray,
 ) -> None:
-    """One sample: δ [m], half of its 95 % interval [m] and the share of the residual, into ``out`` (3,)."""
+    """One sample: δ [m], half of its 95 % interval [m], the share of the residual, and how much longer the wire is than
+    if all of it had formed under its load [m], into ``out`` (4,).
+
+    ``oriented``: the memory of :mod:`.orientation`; ``usual``: a cold wire's resistance by its stress.
+    """
+    first = state[_TIME] != state[_TIME]  # NaN
+    rested = state[_RESTED] if state[_RESTED] == state[_RESTED] else power
+    remembers = n.martensite[orientation.OHM_PER_m] > 0.0
+    if remembers:
+        rise = heat_rise(rested, n.thermal) if first else _temperature(n.thermal, state) - ambient
+        if rise < orientation.COLD_K and (first or orientation.told(oriented)):
+            orientation.tell(resistance, stress, usual, n.ends, n.martensite, oriented)
+        if not first or orientation.told(oriented):
+            resistance -= n.martensite[orientation.OHM_PER_m] * orientation.longer_m(
+                stress, n.ends, n.martensite, oriented
+            )
     resistance = at_usual_load(resistance, stress, n.resistances)
-    if state[_TIME] != state[_TIME]:  # NaN
+    if first:
         # At rest: the place that agrees with the temperature that is made of it.
-        share, rested = 1.0, state[_RESTED] if state[_RESTED] == state[_RESTED] else power
+        share = 1.0
         for _ in range(_START_PASSES):
             at_rest(
                 time=time,
@@ -399,6 +426,13 @@ def advance(
     _see(time=time, power=power, ambient=ambient, resistance=resistance, stress=stress, state=state, n=n)
     _estimate(heating, n, out)
     state[_SHARE] = share_of_stroke(out[0], stress, n.ends)
+    if remembers:
+        if first and not orientation.told(oriented):
+            orientation.begin(state[_SHARE], 0.0, stress, n.ends, oriented)
+        orientation.follow(state[_SHARE], stress, n.ends, n.martensite, oriented)
+        out[3] = orientation.longer_m(stress, n.ends, n.martensite, oriented)
+        out[0] += out[3]
+        out[1] += orientation.unsure_m(stress, n.ends, n.martensite, oriented)
 
 
 @jit
@@ -410,10 +444,12 @@ def advance_all(
     stress: np.ndarray,
     heating: np.ndarray,
     state: np.ndarray,
+    oriented: Floats,
+    usual: Floats,
     n: Numbers,
     out: np.ndarray,
 ) -> None:
-    """``advance`` over samples, ``out`` (samples, 3)."""
+    """``advance`` over samples, ``out`` (samples, 4)."""
     for i in range(len(time)):
         advance(
             time=time[i],
@@ -423,6 +459,8 @@ def advance_all(
             stress=stress[i],
             heating=heating[i],
             state=state,
+            oriented=oriented,
+            usual=usual,
             n=n,
             out=out[i],
         )
@@ -458,18 +496,26 @@ class WholeRangeModel:
             bias=np.array(c.bias),
             output=np.array(c.output),
             widths=np.array(c.intervals).reshape(2, -1),
+            martensite=np.array(
+                [*(c.cold_wire or (0.0,) * orientation.OF_COLD_WIRE), *(c.other_loads or orientation.FOLLOWS_AT_ONCE)]
+            ),
             seen=np.zeros(n),
             z=np.zeros(n),
             units=np.zeros(len(c.bias)),
         )
         self._state = np.zeros(_PLAYS + n - DIRECT)
-        self._out = np.zeros(3)
+        self._oriented = orientation.nothing_known()
+        self._usual = row_of((c.cold_wire_stress, c.cold_wire_resistance))
+        self.follows_loads = bool(c.cold_wire and c.other_loads)
+        self._out = np.zeros(4)
+        self.longer_m = 0.0
         self.reset()
 
     def reset(self, power_W: float = nan) -> None:
         """Forget the past: the next sample is that of a wire at rest, in balance with this power; NaN: with its own."""
         self._state[:] = nan
         self._state[_RESTED] = power_W
+        orientation.forget(self._oriented)
 
     def doubt(self, displacement_m: np.ndarray) -> np.ndarray:
         """How wide the interval of an estimate is at a place, on the branch where it is wider, over the learners'
@@ -493,9 +539,12 @@ class WholeRangeModel:
             stress=stress_Pa,
             heating=heating,
             state=self._state,
+            oriented=self._oriented,
+            usual=self._usual,
             n=self._numbers,
             out=out,
         )
+        self.longer_m = float(out[3])
         return float(out[0]), float(out[1]), bool(out[2] > _STILL_SEEN)
 
     def observe_all(
@@ -508,7 +557,7 @@ class WholeRangeModel:
         ambient_C: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The same of n samples, arrays of shape (n,), by the same kernel."""
-        out = np.empty((len(time_s), 3))
+        out = np.zeros((len(time_s), 4))
         ambient_C = np.where(np.isfinite(ambient_C), ambient_C, self._ambient_C)
         advance_all(
             time=time_s,
@@ -518,9 +567,13 @@ class WholeRangeModel:
             stress=stress_Pa,
             heating=heating,
             state=self._state,
+            oriented=self._oriented,
+            usual=self._usual,
             n=self._numbers,
             out=out,
         )
+        if len(out):
+            self.longer_m = float(out[-1, 3])
         return out[:, 0].copy(), out[:, 1].copy(), out[:, 2] > _STILL_SEEN
 
 
@@ -549,6 +602,26 @@ class WholeRangeCoefficients:
     )
     cold_resistance: tuple[float, ...] = parameter(
         (1.0, 0.0), "resistance where it is cold, likewise", unit="Ω", optional=True
+    )
+    cold_wire: tuple[float, ...] = parameter(
+        (),
+        "the cold wire as a strain gauge: Ω per m; how far off, rms, its resistance is, and a reading of it [Ω]",
+        optional=True,
+    )
+    other_loads: tuple[float, ...] = parameter(
+        (),
+        "what stays of a cold wire's being longer under a load that has become less, and to what share of its stroke a "
+        "heavier one turns it at the least; none where its logs do not show it",
+        "1",
+        0.0,
+        1.0,
+        optional=True,
+    )
+    cold_wire_stress: tuple[float, ...] = parameter(
+        (), "stresses of the resistances below", "Pa", -1e9, 1e9, optional=True
+    )
+    cold_wire_resistance: tuple[float, ...] = parameter(
+        (), "resistance of the wire that has cooled under these", "Ω", 0.0, 1e6, optional=True
     )
     ambient_temperature: float = parameter(
         description="temperature of the surroundings where none is measured", unit="°C", lo=-60.0, hi=100.0
@@ -639,6 +712,9 @@ class WholeRangeCoefficients:
             "linear": self.learners * (CURVE_TERMS + plays),
             "hidden": m * n,
             "output": m,
+            "cold_wire": orientation.OF_COLD_WIRE if self.cold_wire else 0,
+            "other_loads": len(orientation.FOLLOWS_AT_ONCE) if self.other_loads else 0,
+            "cold_wire_resistance": len(self.cold_wire_stress),
         }
         problems = [
             f"model.{name}: {len(getattr(self, name))} numbers, but {count} are wanted with these plays and biases"

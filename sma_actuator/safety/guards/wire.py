@@ -128,7 +128,7 @@ def too_hot(step: Step) -> str:
     "left from there to the temperature at which it came back when it was calibrated, and it stays contracted, by more "
     f"than half of the estimate's 95 % interval, for {COOLING_TIMES:g} of its time constants, heat_capacity / "
     "heat_loss, or longer: it is enclosed, or the surroundings are warmer than believed (without a calibration, or in "
-    "surroundings in which it does not come back: never)",
+    "surroundings, or under a load, in which it does not come back so far: never)",
     within=COOLING_TIMES * parameter_value("thermal.heat_capacity") / parameter_value("thermal.heat_loss") + TWO_STEPS,
     action=Action.OFF,
     latches=True,
@@ -141,12 +141,16 @@ def heat_loss_wrong(step: Step) -> str:
     contracted = (
         step.settled
         and estimate.quality <= Quality.INDETERMINATE_HOT
-        and estimate.displacement_m + half_m < calibration.hot_end.cooling_position
+        and estimate.displacement_m - step.longer_m + half_m < calibration.hot_end.cooling_position
     )
-    # A wire transforms at a temperature, not at a rise: in a warm room it may stay contracted by itself.
-    ambient_C = heat.ambient.temperature_C
+    # A wire transforms at a temperature, not at a rise: in a warm room it may stay contracted by itself; and under a
+    # light load it may be shorter than that when it is cold.
+    ambient_C, stress_Pa = heat.ambient.temperature_C, step.signals.stress_Pa
+    contracted = contracted and (
+        not calibration.ends_known or calibration.ends_m(stress_Pa)[1] > calibration.hot_end.cooling_position
+    )
     still_hot = contracted and heat.temperature_C - ambient_C < LEAST_RISE * (
-        returns_at_C(calibration, thermal, step.signals.stress_Pa) - ambient_C
+        returns_at_C(calibration, thermal, stress_Pa) - ambient_C
     )
     lasts_s = step.memory.lasts_s("heat_loss_wrong", still_hot, step.now_s)
     if not lasts_s >= COOLING_TIMES * thermal.heat_capacity / thermal.heat_loss:

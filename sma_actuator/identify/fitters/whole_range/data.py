@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sma_actuator.estimation.models.orientation import COLD_K, OHM_PER_m, longer_all_m, nothing_known
 from sma_actuator.estimation.models.whole_range import (
     DIRECT,
     PLAYS_K,
@@ -21,6 +22,7 @@ from sma_actuator.identify.ranges import ONE_LOAD, distinct_stresses
 from sma_actuator.logs.experiments import Experiment, IdentificationError, begins_anew
 from sma_actuator.logs.kinds import load_numbers
 
+from .cold_wire import cold_wire
 from .earlier_load import of_earlier_load
 from .learner import ROBUST
 
@@ -70,6 +72,13 @@ class Data:
         self.displacement, self.heating, self.cycle = columns[5] / self.percent_m, columns[6], columns[7]
         ends_m, self.ends_Ohm = _ends(experiments, parts)
         self.ends = ends_m / self.percent_m
+        lengths = [len(p[0]) for p in parts]
+        self.lengths = lengths[: len(experiments)]
+        self.first = np.zeros(len(self.time), dtype=np.bool_)
+        self.first[np.cumsum([0, *lengths[:-1]])] = begins_anew(experiments) * copies
+        self.cold_wire = cold_wire(experiments, config, self.ends * self.percent_m)
+        if self.cold_wire is not None:
+            self._without_what_it_is_longer()
         #: Between which stresses the model is, and its resistances are.
         self.stress_Pa = float(self.stress.min()), float(self.stress.max())
         if not _alike(self.ends_Ohm, self.stress_Pa):
@@ -80,10 +89,6 @@ class Data:
         powers = self.stress[:, None] ** np.arange(3)
         hot, cold = powers @ self.ends[0], powers @ self.ends[1]
         self.share = np.clip((self.displacement - hot) / (cold - hot), 0.0, 1.0)
-        lengths = [len(p[0]) for p in parts]
-        self.lengths = lengths[: len(experiments)]
-        self.first = np.zeros(len(self.time), dtype=np.bool_)
-        self.first[np.cumsum([0, *lengths[:-1]])] = begins_anew(experiments) * copies
         # of a few long logs a third of the cycles is held out in turn, one beside the other
         if len(experiments) < FOLDS:
             thirds = [_thirds(p[7]) for p in parts[: len(experiments)]]
@@ -109,6 +114,23 @@ class Data:
         self.scaling_rows = self.rows if loads == 1 else self.rows[self.measured]
         self.smooth = SMOOTH_IN_STRESS * max(1.0, ((USUAL_LOADS - 1) / gaps) ** 2)
         self.span_Ohm = float(np.subtract(*np.percentile(self.resistance, (99, 1))))
+
+    def _without_what_it_is_longer(self) -> None:
+        """Leave displacement and resistance as if all martensite had formed under the load of its sample."""
+        assert self.cold_wire is not None
+        longer_m = np.empty(len(self.time))
+        longer_all_m(
+            self.displacement * self.percent_m,
+            self.stress,
+            self.first,
+            self.power / self.thermal.heat_loss < COLD_K,
+            self.ends * self.percent_m,
+            self.cold_wire.known,
+            nothing_known(),
+            longer_m,
+        )
+        self.displacement = self.displacement - longer_m / self.percent_m
+        self.resistance = self.resistance - self.cold_wire.resistance[OHM_PER_m] * longer_m
 
     def thermal_numbers(self, known: np.ndarray) -> np.ndarray:
         """The heat balance for the kernels, from numbers in units of what is known."""

@@ -1,0 +1,114 @@
+"""The cold wire as a strain gauge, from logs: what its resistance says of its length.
+
+A log begins with a wire that has cooled under the load before: how much longer or shorter it is than one that has
+cooled under its own, and how much more its resistance is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sma_actuator.base.calibration import RestSection
+from sma_actuator.calibration.rest import find_rests, learn, was_heated
+from sma_actuator.estimation.models.orientation import COLD_K, FOLLOWS_AT_ONCE, SHORTEST
+from sma_actuator.logs.experiments import Experiment
+
+#: A conductor that is drawn out has its length over its section more resistance: so many times its strain at constant
+#: volume, of martensite somewhat less in other physics (1.7, 1.8); how far off that is, and the least share of it.
+#: What turns further may have another resistivity besides.
+PER_STRAIN, WITHIN, LEAST = 1.8, 0.5, 0.5
+#: Readings at a log's beginning that are averaged.
+BEGINNING = 3
+#: From that share on cold martensite that is loaded is as long as if it had formed there; and up to that share nothing
+#: stays where the load becomes less.
+WHOLLY, NOTHING = 0.97, 0.05
+#: Share of the stroke by which another load makes it longer or shorter.
+ANOTHER = 0.05
+#: Of martensite, 20 to 40: what a load that changes makes of its length at once is no orientation.
+MODULUS_Pa = 30e9
+
+
+@dataclass(frozen=True)
+class ColdWire:
+    """What is known of the cold wire; see :mod:`sma_actuator.estimation.models.orientation`."""
+
+    resistance: tuple[float, float, float]  #: Ω per m, how far off it is, rms, and a reading of it [Ω]
+    other_loads: tuple[float, float] | tuple[()]  #: none where no log begins after another load
+    stress_Pa: tuple[float, ...]
+    resistance_Ohm: tuple[float, ...]
+
+    @property
+    def known(self) -> np.ndarray:
+        """All of it for the kernels."""
+        return np.array([*self.resistance, *(self.other_loads or FOLLOWS_AT_ONCE)])
+
+
+def cold_wire(experiments: Sequence[Experiment], config, ends_m: np.ndarray) -> ColdWire | None:
+    """The gauge by these logs; None where no wire of theirs came to rest cold after it was heated.
+
+    ``ends_m``: hot and cold end as quadratics in stress, shape (2, 3).
+    """
+    time_constant_s = config.thermal.balance.time_constant_s
+    rest = learn(experiments, time_constant_s)
+    if not rest.cold_stress:
+        return None
+    readings, settled = [], []
+    for t in experiments:
+        for each in find_rests(t, time_constant_s):
+            if not each.hot and was_heated(t, each):
+                off_Ohm = (t.resistance_Ohm - _usual_Ohm(rest, t))[each.start : each.stop]
+                settled.append(float(np.mean(off_Ohm)))
+                readings.append(float(np.std(off_Ohm)))
+    scatter_Ohm, reading_Ohm = float(np.sqrt(np.mean(np.square(settled)))), float(np.mean(readings))
+    found = _beginnings(experiments, config, rest, ends_m)
+    more_Ohm, longer_m = np.array([each[:2] for each in found]).reshape(-1, 2).T
+    prior = PER_STRAIN * float(np.mean(rest.cold_resistance)) / config.wire.strain_length_m
+    weight = (scatter_Ohm**2 + reading_Ohm**2 / BEGINNING) / (WITHIN * prior) ** 2
+    per_m = (float(more_Ohm @ longer_m) + weight * prior) / (float(longer_m @ longer_m) + weight)
+    stays = max((share for *_, share, heavier in found if heavier is False), default=0.0)
+    turned = min((share for *_, share, heavier in found if heavier), default=1.0)
+    return ColdWire(
+        (max(per_m, LEAST * prior), scatter_Ohm, reading_Ohm),
+        (min(stays, 1.0) if stays > NOTHING else 0.0, turned if turned < WHOLLY else 1.0)
+        if any(heavier is not None for *_, heavier in found)
+        else (),
+        rest.cold_stress,
+        rest.cold_resistance,
+    )
+
+
+def _usual_Ohm(rest: RestSection, t: Experiment) -> np.ndarray:
+    return np.interp(t.stress_Pa, rest.cold_stress, rest.cold_resistance)
+
+
+def _beginnings(
+    experiments: Sequence[Experiment], config, rest: RestSection, ends_m: np.ndarray
+) -> list[tuple[float, float, float, bool | None]]:
+    """Of each log that begins cold: how much more its resistance is than usual at its load, how much longer the wire
+    is; under a heavier load than before what share of its stroke it has, under a lighter one what share of what that
+    load made it longer is left; and whether it is heavier, None where it is the same.
+
+    The load before is that of the log before, of the first log the heaviest.
+    """
+    out = []
+    length_m, heaviest_Pa = config.wire.strain_length_m, max(rest.cold_stress)
+    for before, t in zip((None, *experiments), experiments, strict=False):
+        s = t.signals
+        good = np.flatnonzero(np.isfinite(s.resistance_Ohm + s.stress_Pa + s.power_W + t.displacement_m))[:BEGINNING]
+        if not len(good) or np.max(s.power_W[good]) / config.thermal.heat_loss >= COLD_K:
+            continue
+        stress_Pa, was_Pa = float(np.mean(s.stress_Pa[good])), heaviest_Pa if before is None else before.mean_stress_Pa
+        here_m, there_m = np.interp((stress_Pa, was_Pa), rest.cold_stress, rest.cold_displacement)
+        hot_m, cold_m = (float(np.polynomial.polynomial.polyval(stress_Pa, each)) for each in ends_m)
+        off_m = float(np.mean(t.displacement_m[good]) - here_m)
+        share = 1.0 + off_m / (cold_m - hot_m)
+        if not share > SHORTEST:  # it is warm
+            continue
+        more_Ohm = float(np.mean((t.resistance_Ohm - _usual_Ohm(rest, t))[good]))
+        apart_m = there_m - here_m - (was_Pa - stress_Pa) / MODULUS_Pa * length_m
+        heavier = None if abs(apart_m) < ANOTHER * (cold_m - hot_m) else bool(apart_m < 0.0)
+        out.append((more_Ohm, off_m, share if heavier else off_m / apart_m if heavier is False else 1.0, heavier))
+    return out

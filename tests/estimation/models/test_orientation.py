@@ -1,0 +1,157 @@
+"""Martensite is as long as the load made it under which it formed."""
+
+from math import sqrt
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sma_actuator.base.lookup import row_of
+from sma_actuator.estimation.models.orientation import (
+    CONTACTS,
+    PLAY,
+    SHORTEST,
+    TOLD_WITHIN,
+    begin,
+    follow,
+    longer_all_m,
+    longer_m,
+    nothing_known,
+    tell,
+    told,
+    unsure_m,
+)
+
+#: Contracted it is 0.2 mm long whatever its load; cold it is 1 mm and 2 mm per 100 MPa longer.
+ENDS = np.array([[2e-4, 0.0, 0.0], [1.2e-3, 2e-11, 0.0]])
+LIGHT_Pa, HEAVY_Pa = 50e6, 100e6
+LIGHT_m, HEAVY_m = 2e-3, 3e-3  #: its stroke under these
+USUAL = row_of(((0.0, 100e6), (5.0, 5.2)))
+PER_m, SCATTER_Ohm, READING_Ohm = 100.0, 1e-3, 4e-3
+
+
+def wire(stays=1.0, turned=1.0):
+    return np.array([PER_m, SCATTER_Ohm, READING_Ohm, stays, turned])
+
+
+def driven(known, *course, first=(1.0, LIGHT_Pa)):
+    """Its memory after it had these shares of martensite under these loads, one after the other."""
+    state = nothing_known()
+    begin(first[0], 0.0, first[1], ENDS, state)
+    for share, stress_Pa in course:
+        follow(share, stress_Pa, ENDS, known, state)
+    return state
+
+
+@given(
+    shares=st.lists(st.floats(0.0, 1.0), max_size=30),
+    stays=st.floats(0.0, 1.0),
+    turned=st.floats(0.0, 1.0),
+    stress_Pa=st.floats(0.0, 200e6),
+)
+def test_under_one_load_nothing_is_longer_than_that_makes_it(shares, stays, turned, stress_Pa):
+    known = wire(stays, turned)
+    state = driven(known, *((share, stress_Pa) for share in shares), first=(1.0, stress_Pa))
+    assert longer_m(stress_Pa, ENDS, known, state) == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("stays", [0.0, 0.4, 1.0])
+def test_what_stays_under_a_lighter_load(stays):
+    known = wire(stays)
+    state = driven(known, (1.0, LIGHT_Pa), first=(1.0, HEAVY_Pa))
+    assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(stays * (HEAVY_m - LIGHT_m))
+    assert longer_m(HEAVY_Pa, ENDS, known, state) == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(("turned", "length_m"), [(0.0, LIGHT_m), (0.6, LIGHT_m), (0.8, 2.4e-3), (1.0, HEAVY_m)])
+def test_a_heavier_load_turns_cold_martensite_so_far(turned, length_m):
+    known = wire(turned=turned)
+    state = driven(known, (1.0, HEAVY_Pa))
+    assert longer_m(HEAVY_Pa, ENDS, known, state) == pytest.approx(length_m - HEAVY_m)
+
+
+def test_each_part_keeps_the_load_that_it_formed_under():
+    """A quarter formed under the heavy load; then the load becomes light, and the rest forms."""
+    known = wire()
+    state = driven(known, (0.25 + PLAY, HEAVY_Pa), (1.0 + PLAY, LIGHT_Pa), first=(0.0, HEAVY_Pa))
+    assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(0.25 * (HEAVY_m - LIGHT_m))
+
+
+@given(left=st.floats(0.0, 1.0))
+def test_what_becomes_austenite_takes_its_share_along(left):
+    known = wire()
+    state = driven(known, (max(left - PLAY, 0.0), LIGHT_Pa), (1.0 + PLAY, LIGHT_Pa), first=(1.0, HEAVY_Pa))
+    assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(left * (HEAVY_m - LIGHT_m), abs=PLAY * HEAVY_m)
+
+
+def test_noise_of_the_share_is_no_transformation():
+    known = wire()
+    state = driven(known, *((0.5 + noise, LIGHT_Pa) for noise in 50 * [0.9 * PLAY, -0.9 * PLAY]), first=(0.5, HEAVY_Pa))
+    assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(0.5 * (HEAVY_m - LIGHT_m), rel=1e-9)
+
+
+class TestTheColdWireAsAStrainGauge:
+    @pytest.mark.parametrize("off_m", [-8e-4, 6e-4, 1e-3])
+    def test_its_resistance_says_how_much_longer_it_is(self, off_m):
+        state, known = nothing_known(), wire(stays=0.0)
+        for _ in range(20):
+            tell(5.1 + PER_m * off_m, LIGHT_Pa, USUAL, ENDS, known, state)
+        assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(off_m, rel=0.06)
+        assert unsure_m(LIGHT_Pa, ENDS, known, state) > TOLD_WITHIN * abs(off_m) + 1.8 * CONTACTS * 5.1 / PER_m
+        assert told(state)
+
+    @pytest.mark.parametrize("share", [-1.0, 0.5, 1.0])
+    def test_other_contacts_are_no_other_length(self, share):
+        state, known = nothing_known(), wire()
+        tell(5.1 * (1.0 + share * CONTACTS), LIGHT_Pa, USUAL, ENDS, known, state)
+        assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(0.0, abs=1e-9)
+
+    def test_readings_are_averaged_and_what_is_no_more_than_their_scatter_is_nothing(self):
+        rng = np.random.default_rng(1)
+        state, known = nothing_known(), wire()
+        tell(5.1 + READING_Ohm, LIGHT_Pa, USUAL, ENDS, known, state)
+        assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(0.0, abs=1e-9)
+        unsure_once_m = unsure_m(LIGHT_Pa, ENDS, known, state)
+        assert unsure_once_m == pytest.approx(2.0 * sqrt(SCATTER_Ohm**2 + READING_Ohm**2) / PER_m, rel=0.1)
+        for _ in range(400):
+            tell(5.1 + rng.normal(0.0, READING_Ohm), LIGHT_Pa, USUAL, ENDS, known, state)
+        assert abs(longer_m(LIGHT_Pa, ENDS, known, state)) < SCATTER_Ohm / PER_m
+        assert unsure_m(LIGHT_Pa, ENDS, known, state) < 0.5 * unsure_once_m
+
+    def test_a_wire_that_seems_shorter_than_any_is_warm(self):
+        state, known = nothing_known(), wire()
+        tell(4.0, LIGHT_Pa, USUAL, ENDS, known, state)
+        assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx((SHORTEST - 1.0) * LIGHT_m)
+
+    def test_it_forgets_as_it_contracts(self):
+        state, known = nothing_known(), wire(stays=0.0)
+        tell(5.2, LIGHT_Pa, USUAL, ENDS, known, state)
+        began_m, unsure_m_ = longer_m(LIGHT_Pa, ENDS, known, state), unsure_m(LIGHT_Pa, ENDS, known, state)
+        follow(0.5 - PLAY, LIGHT_Pa, ENDS, known, state)
+        assert not told(state)
+        follow(1.0, LIGHT_Pa, ENDS, known, state)
+        assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(0.5 * began_m)
+        assert unsure_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(0.5 * unsure_m_)
+        follow(-PLAY, LIGHT_Pa, ENDS, known, state)
+        assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_of_a_measured_displacement_it_takes_off_what_other_loads_left():
+    """A wire that was cooled under the heavy load, heated and cooled under the light one, twice."""
+    known, share = wire(), np.concatenate([np.ones(10), *2 * [np.linspace(1.0, 0.0, 50), np.linspace(0.0, 1.0, 50)]])
+    old = np.minimum.accumulate(share)
+    displacement_m = ENDS[0, 0] + LIGHT_m * share + (HEAVY_m - LIGHT_m) * old
+    out = np.empty(len(share))
+    longer_all_m(
+        displacement_m,
+        np.full(len(share), LIGHT_Pa),
+        np.arange(len(share)) == 0,
+        np.ones(len(share), dtype=bool),
+        ENDS,
+        known,
+        nothing_known(),
+        out,
+    )
+    np.testing.assert_allclose(out, (HEAVY_m - LIGHT_m) * old, atol=2.0 * PLAY * HEAVY_m)
+    np.testing.assert_allclose(out[-100:], 0.0, atol=2.0 * PLAY * HEAVY_m)
