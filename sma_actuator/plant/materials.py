@@ -129,6 +129,9 @@ class Specimen:
     in_series: bool = False  #: the current goes through one after the other, not through all of them at once
     untrained: Untrained | None = None
     sleeve: Sleeve | None = None
+    #: Martensite keeps the orientation of the stress it formed under; a larger one turns it to this share of its own at
+    #: the least.  None: it follows at once.  Of straight wires.
+    turned: float | None = None
     other_kinetics: Kinetics | None = None
 
     @property

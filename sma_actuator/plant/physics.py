@@ -61,8 +61,10 @@ STATES = 17
     CELL_CONDUCTANCE_W_K,
     CELL_SLOPE_J_K,
     CELL_SLEEVE_C,
-) = range(8)
-CELL_COLUMNS = 8
+    CELL_FORMED,
+    CELL_ORIENTED,
+) = range(10)
+CELL_COLUMNS = 10
 # Indices of the inputs array.
 (
     CURRENT_SET,
@@ -141,6 +143,7 @@ class Constants(NamedTuple):
     strain_stress_0: float
     strain_stress_scale: float
     strain_shape: float
+    turned: float  #: below 0: martensite follows its load at once
     rho_m_stress: float
     geometric_factor: float
     reference_C: float
@@ -221,6 +224,7 @@ def constants(wire: Specimen, series_Ohm: float) -> Constants:
         strain_stress_0=m.training_stress_Pa,
         strain_stress_scale=m.strain_stress_scale_Pa,
         strain_shape=m.strain_shape,
+        turned=-1.0 if wire.turned is None else wire.turned,
         rho_m_stress=m.martensite_resistivity_stress_1_Pa,
         geometric_factor=m.geometric_factor,
         reference_C=m.reference_temperature_C,
@@ -294,10 +298,34 @@ def strain_parts(c, martensite, r_share, temperature_C):
 
 
 @inlined
+def saturation_at(c, stress_Pa):
+    """How much of its strain martensite has that forms under a stress."""
+    return 1.0 - exp(-(stress_Pa + c.strain_stress_0) / c.strain_stress_scale)
+
+
+@inlined
+def _oriented(c, cells, j, parts, stress_Pa):
+    """The same parts of a cell whose martensite has the orientation of the stress it formed under.
+
+    A larger one turns all of it to :attr:`Constants.turned` of its own at the least; what transforms back takes its
+    share along.
+    """
+    m, was, here = cells[j, CELL_MARTENSITE], cells[j, CELL_FORMED], saturation_at(c, stress_Pa)
+    if m > was:
+        cells[j, CELL_ORIENTED] += here * (m - was)
+    elif was > 0.0:
+        cells[j, CELL_ORIENTED] *= m / was
+    cells[j, CELL_FORMED] = m
+    cells[j, CELL_ORIENTED] = max(cells[j, CELL_ORIENTED], c.turned * here * m)
+    of_r = c.strain_r * cells[j, CELL_R_SHARE] * (1.0 - m)
+    of_m = (parts.transformation - of_r) * cells[j, CELL_ORIENTED] / m if m > 0.0 else 0.0
+    return Strain(of_r, parts.compliance_1_Pa, parts.other + of_m)
+
+
+@inlined
 def strain_under(c, parts, stress_Pa):
     """Strain of which these are the parts."""
-    saturation = 1.0 - exp(-(stress_Pa + c.strain_stress_0) / c.strain_stress_scale)
-    return saturation * parts.transformation + stress_Pa * parts.compliance_1_Pa + parts.other
+    return saturation_at(c, stress_Pa) * parts.transformation + stress_Pa * parts.compliance_1_Pa + parts.other
 
 
 @inlined
@@ -509,6 +537,8 @@ def _mechanics(c, whole, cells, force_N, stiffness_N_m, spring_at_m):
         r = cells[j, CELL_R_SHARE]
         t = cells[j, CELL_TEMPERATURE]
         parts = strain_parts(c, m, r, t)
+        if c.turned >= 0.0:
+            parts = _oriented(c, cells, j, parts, whole[LOAD] / c.area_m2)
         enthalpy += share * cells[j, CELL_ENTHALPY]
         temperature += share * t
         martensite += share * m

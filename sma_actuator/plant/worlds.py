@@ -10,6 +10,8 @@ Sources beside those of :mod:`.materials`
     [O]  A. Pathak, D. Brei, J. Luntz, "Transformation strain based method for characterization of convective heat
          transfer from shape memory alloy wires", Smart Mater. Struct. 19 (2010) 035005: orientation matters, and a
          vertical wire loses less than a horizontal one.  The factor is chosen [F].
+    [H]  D. C. Lagoudas, D. Hartl, Y. Chemisky, L. Machado, P. Popov, Int. J. Plast. 32–33 (2012) 155: the strain of
+         martensite is that of the stress it formed under.  How far a larger one turns it is chosen [F].
     [P]  The training record of the measured wire (:mod:`.measured`), cycles 1 to 30
          at 200 MPa.
 """
@@ -74,6 +76,7 @@ class World:
     clamped: bool = False
     untrained: Untrained | None = None
     sleeve: Sleeve | None = None
+    turned: float | None = None
     material: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  #: of each alloy, what is otherwise
     austenite_warms_1_K: float = 0.0  #: more temperature coefficient of the austenite's resistivity
 
@@ -95,6 +98,7 @@ class World:
             clamped=self.clamped,
             untrained=self.untrained,
             sleeve=self.sleeve,
+            turned=self.turned,
         )
 
 
@@ -146,6 +150,12 @@ WORLDS: dict[str, World] = {
         measured_for,
         convection_exponent=0.15,
         sleeve=IN_A_TUBE,
+    ),
+    "oriented": World(
+        "smooth hardening; martensite stays as long as the load made it under which it formed [H]",
+        lagoudas_for,
+        convection_exponent=0.1,
+        turned=0.7,
     ),
     "hot": World(
         "measured, as hot as another wire that was measured: half contracted at 107 °C, by 95 % at 125 °C", hot_for

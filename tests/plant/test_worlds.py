@@ -127,6 +127,30 @@ def test_another_intermediate_phase_shows_in_both_alloys():
         assert most > 0.2, wire
 
 
+@pytest.mark.parametrize("wire", HEATING_A)
+def test_oriented_martensite_keeps_the_load_that_it_formed_under_until_it_is_austenite(wire):
+    """Cooled under the light load and hung on the heavy one it is turned to 0.7 of what forming there makes of it; the
+    other way round it stays as long, but for what is elastic."""
+    light, heavy = Weight(0.49), Weight(1.47)
+    formed_m, hot_m = {}, {}
+    for load in (light, heavy):
+        bench = powered(wire, "oriented", load)
+        hot_m[load], formed_m[load] = cycle(bench, wire, 8.0, 20.0)
+    full_m = {load: formed_m[load] - hot_m[load] for load in formed_m}
+    for first, then in ((light, heavy), (heavy, light)):
+        bench = powered(wire, "oriented", first)
+        cycle(bench, wire, 8.0, 20.0)
+        bench.load = then
+        bench.advance(bench.time_s + 1.0)
+        elastic_m = (then.force_N - first.force_N) / bench.constants.area_m2 / bench.constants.modulus_m
+        elastic_m *= bench.constants.length_m
+        kept_m = bench.truth.displacement_m - elastic_m
+        wanted_m = max(formed_m[first], formed_m[first] + 0.7 * full_m[then] - full_m[first])
+        assert kept_m == pytest.approx(wanted_m, abs=0.03 * full_m[then])
+        assert abs(kept_m - formed_m[then]) > 0.05 * full_m[then]
+        assert cycle(bench, wire, 8.0, 20.0)[1] == pytest.approx(formed_m[then], abs=0.01 * full_m[then])
+
+
 def test_a_number_draws_the_same_physics_every_time_and_another_number_another():
     drawn = [wire_in_world("flexinol", world) for world in DRAWN_WORLDS]
     assert drawn == [wire_in_world("flexinol", world) for world in DRAWN_WORLDS]
