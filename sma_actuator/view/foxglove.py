@@ -21,6 +21,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from foxglove.websocket import ChannelView, Client, ServerListener
 from geometry_msgs.msg import WrenchStamped
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
@@ -132,8 +133,9 @@ class Topics:
     def _spin(self) -> None:
         try:
             self._executor.spin()
-        except ExternalShutdownException:
-            return
+        except (ExternalShutdownException, rclpy_implementation.RCLError):
+            if self._ros_context.ok():  # else it was closed, in the middle of a look round perhaps
+                raise
 
     def _look(self) -> None:
         """Offer the topics that there are."""
