@@ -36,7 +36,7 @@ class ColdWire:
     """What is known of the cold wire; see :mod:`sma_actuator.estimation.models.orientation`."""
 
     resistance: tuple[float, float, float]  #: Ω per m, how far off it is, rms, and a reading of it [Ω]
-    other_loads: tuple[float, float] | tuple[()]  #: none where no log begins after another load
+    other_loads: tuple[float, float] | tuple[()]  #: none where no log shows what another load leaves
     stress_Pa: tuple[float, ...]
     resistance_Ohm: tuple[float, ...]
 
@@ -70,11 +70,11 @@ def cold_wire(experiments: Sequence[Experiment], config, ends_m: np.ndarray) -> 
     per_m = (float(more_Ohm @ longer_m) + weight * prior) / (float(longer_m @ longer_m) + weight)
     stays = max((share for *_, share, heavier in found if heavier is False), default=0.0)
     turned = min((share for *_, share, heavier in found if heavier), default=1.0)
+    # Where nothing stays and all is turned, the wire may have hung on that very load before.
+    shown = stays > NOTHING or turned < WHOLLY
     return ColdWire(
         (max(per_m, LEAST * prior), scatter_Ohm, reading_Ohm),
-        (min(stays, 1.0) if stays > NOTHING else 0.0, turned if turned < WHOLLY else 1.0)
-        if any(heavier is not None for *_, heavier in found)
-        else (),
+        (min(stays, 1.0) if stays > NOTHING else 0.0, turned if turned < WHOLLY else 1.0) if shown else (),
         rest.cold_stress,
         rest.cold_resistance,
     )
