@@ -68,7 +68,8 @@ def test_a_wire_ten_times_as_quick_is_learned_from_as_many_readings(whole, unsee
     ]
     learned, from_quick = Data(experiments, config), Data(hurried, quick)
     np.testing.assert_allclose(from_quick.time, 0.1 * learned.time, rtol=1e-12)
-    np.testing.assert_array_equal(from_quick.stress, learned.stress)
+    measured = sum(learned.lengths)  # in copies the load wanders with time
+    np.testing.assert_array_equal(from_quick.stress[:measured], learned.stress[:measured])
 
 
 def unpowered_then_hot():
