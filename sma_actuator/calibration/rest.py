@@ -128,6 +128,15 @@ def was_heated(experiment: Experiment, rest: Rest) -> bool:
     return bool(experiment.driven[: rest.start].any())
 
 
+def cold_rests(experiment: Experiment, thermal_time_constant_s: float) -> list[Rest]:
+    """Where it rests cold after it was heated in this log."""
+    return [
+        rest
+        for rest in find_rests(experiment, thermal_time_constant_s)
+        if not rest.hot and was_heated(experiment, rest)
+    ]
+
+
 def learn(experiments: Sequence[Experiment], thermal_time_constant_s: float) -> RestSection:
     """What the wire showed at rest."""
     found = [(t, rest) for t in experiments for rest in find_rests(t, thermal_time_constant_s)]

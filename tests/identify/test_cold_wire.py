@@ -78,3 +78,8 @@ def test_logs_in_which_it_never_came_to_rest_cold_say_nothing(config):
 
 def test_logs_of_one_load_say_nothing_of_others(config):
     assert cold_wire([pulses(1.0), pulses(1.0)], config, ENDS_m).other_loads == ()
+
+
+def test_logs_whose_only_cold_rests_are_from_before_they_were_heated_say_nothing(config):
+    logs = [pulses(load_N) for load_N in (0.5, 1.0)]
+    assert cold_wire([log.rows(np.arange(len(log.displacement_m)) < 300) for log in logs], config, ENDS_m) is None

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_actuator.base.calibration import RestSection
-from sma_actuator.calibration.rest import find_rests, learn, was_heated
+from sma_actuator.calibration.rest import cold_rests, learn
 from sma_actuator.estimation.models.orientation import COLD_K, FOLLOWS_AT_ONCE, SHORTEST
 from sma_actuator.logs.experiments import Experiment
 
@@ -52,16 +52,12 @@ def cold_wire(experiments: Sequence[Experiment], config, ends_m: np.ndarray) -> 
     ``ends_m``: hot and cold end as quadratics in stress, shape (2, 3).
     """
     time_constant_s = config.thermal.balance.time_constant_s
-    rest = learn(experiments, time_constant_s)
-    if not rest.cold_stress:
+    cooled = [(t, each) for t in experiments for each in cold_rests(t, time_constant_s)]
+    if not cooled:
         return None
-    readings, settled = [], []
-    for t in experiments:
-        for each in find_rests(t, time_constant_s):
-            if not each.hot and was_heated(t, each):
-                off_Ohm = (t.resistance_Ohm - _usual_Ohm(rest, t))[each.start : each.stop]
-                settled.append(float(np.mean(off_Ohm)))
-                readings.append(float(np.std(off_Ohm)))
+    rest = learn(experiments, time_constant_s)
+    off_Ohm = [(t.resistance_Ohm - _usual_Ohm(rest, t))[each.start : each.stop] for t, each in cooled]
+    settled, readings = [float(np.mean(each)) for each in off_Ohm], [float(np.std(each)) for each in off_Ohm]
     scatter_Ohm, reading_Ohm = float(np.sqrt(np.mean(np.square(settled)))), float(np.mean(readings))
     found = _beginnings(experiments, config, rest, ends_m)
     more_Ohm, longer_m = np.array([each[:2] for each in found]).reshape(-1, 2).T

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sma_actuator.calibration.rest import find_rests, was_heated
+from sma_actuator.calibration.rest import cold_rests
 from sma_actuator.logs.experiments import Experiment, begins_anew
 from sma_actuator.logs.kinds import load_numbers
 
@@ -46,7 +46,6 @@ def _cold_m(experiment: Experiment, thermal_time_constant_s: float) -> np.ndarra
     return np.array(
         [
             np.mean(experiment.displacement_m[rest.start : rest.stop])
-            for rest in find_rests(experiment, thermal_time_constant_s)
-            if not rest.hot and was_heated(experiment, rest)
+            for rest in cold_rests(experiment, thermal_time_constant_s)
         ]
     )
