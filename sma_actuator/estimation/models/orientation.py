@@ -63,12 +63,18 @@ def forget(state: Floats) -> None:
 
 
 @jit
+def ends_m(stress_Pa: float, ends: np.ndarray) -> tuple[float, float]:
+    """Where the hot and the cold wire are under a load; ``ends`` (2, 3), quadratics in stress."""
+    hot_m = ends[0, 0] + stress_Pa * (ends[0, 1] + stress_Pa * ends[0, 2])
+    cold_m = ends[1, 0] + stress_Pa * (ends[1, 1] + stress_Pa * ends[1, 2])
+    return hot_m, cold_m
+
+
+@jit
 def stroke_m(stress_Pa: float, ends: np.ndarray) -> float:
-    """The stroke under a load: between both ``ends`` (2, 3), quadratics in stress."""
-    stroke: float = (
-        ends[1, 0] - ends[0, 0] + stress_Pa * (ends[1, 1] - ends[0, 1] + stress_Pa * (ends[1, 2] - ends[0, 2]))
-    )
-    return stroke
+    """The stroke under a load."""
+    hot_m, cold_m = ends_m(stress_Pa, ends)
+    return cold_m - hot_m
 
 
 @jit
@@ -148,8 +154,8 @@ def longer_all_m(
     A log begins where ``first``, bool (n,); all of a wire that is ``cold`` there, bool (n,), is martensite.
     """
     for i in range(len(displacement_m)):
-        here_m = stroke_m(stress_Pa[i], ends)
-        hot_m = ends[0, 0] + stress_Pa[i] * (ends[0, 1] + stress_Pa[i] * ends[0, 2])
+        hot_m, cold_m = ends_m(stress_Pa[i], ends)
+        here_m = cold_m - hot_m
         if first[i]:
             length_m = displacement_m[i] - hot_m
             share = 1.0 if cold[i] else min(max(length_m / here_m, 0.0), 1.0)

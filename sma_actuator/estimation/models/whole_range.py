@@ -131,8 +131,7 @@ def heat_rise(power: float, thermal: np.ndarray) -> float:
 def share_of_stroke(displacement: float, stress: float, ends: np.ndarray) -> float:
     """How far δ lies between the hot end (0) and the cold end (1) at a stress; ``ends`` (2, 3), quadratics in
     stress."""
-    hot = ends[0, 0] + stress * (ends[0, 1] + stress * ends[0, 2])
-    cold = ends[1, 0] + stress * (ends[1, 1] + stress * ends[1, 2])
+    hot, cold = orientation.ends_m(stress, ends)
     return min(max((displacement - hot) / (cold - hot), 0.0), 1.0)
 
 
