@@ -351,3 +351,10 @@ def test_a_trace_trusts_it_as_far_as_it_trusts_itself(whole, unseen):
         np.testing.assert_allclose(floor_m * SPREAD * INTERVAL, half_m)
     held = Rows(evidence)
     assert held.nothing().log_evidence > held.something_else().log_evidence
+
+
+@pytest.mark.parametrize("stresses", [[], [4e7, 2e7]])
+def test_a_cold_wire_without_its_stresses_in_order_is_refused(whole, stresses):
+    model = {**whole.mapping["model"], "cold_wire_stress": stresses, "cold_wire_resistance": [5.0] * len(stresses)}
+    with pytest.raises(ConfigError, match="model.cold_wire_stress"):
+        Config.from_mapping({**whole.mapping, "model": model})

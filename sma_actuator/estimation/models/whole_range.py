@@ -722,6 +722,9 @@ class WholeRangeCoefficients:
         ]
         if m % self.learners:
             problems.append(f"model.bias: {m} numbers, which are not shared equally by {self.learners} learners")
+        stresses = self.cold_wire_stress
+        if self.cold_wire and (not stresses or any(np.diff(stresses) <= 0.0)):
+            problems.append("model.cold_wire_stress: model.cold_wire wants one stress at least, each above the last")
         if len(self.intervals) % 2 or len(self.intervals) < 4:
             problems.append(f"model.intervals: {len(self.intervals)} numbers, but two rows of equal length are wanted")
         return problems
