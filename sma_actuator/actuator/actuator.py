@@ -291,7 +291,7 @@ class Actuator:
         late = self._late(raw, supply)  # the bias current flows, of which the law must not learn
         supervisor.watch_stress(self._signals.stress_Pa, self._estimate.displacement_m, self._told.current_A)
         self._limit_A = supervisor.limit_A()
-        self._following.find_the_ends()
+        self._following.find_the_ends(self._chain.longer_m)
         limits: set[Limit] = set()
         setpoint_m = nan
         wanted_A = config.supply.bias_current

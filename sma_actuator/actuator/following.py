@@ -81,11 +81,12 @@ class Following:
             self._sensing.sense(signals, estimate)
         self._ends.step(signals.stress_Pa, dt_s)
 
-    def find_the_ends(self) -> None:
-        """Where the wire can be held at the present load and limits."""
+    def find_the_ends(self, longer_m: float) -> None:
+        """Where a wire can be held at the present load and limits whose martensite is so much longer, since some of it
+        formed under another load."""
         supervisor = self._supervisor
         rise_K, ambient_C = supervisor.most_rise_K(), supervisor.heat.ambient.temperature_C
-        self.short_m, self.long_m = self._ends.range_m(rise_K, ambient_C)
+        self.short_m, self.long_m = self._ends.range_m(rise_K, ambient_C, longer_m)
 
     def begin(self, seen: Seen) -> None:
         """Let the law go on from the present position and current."""

@@ -62,13 +62,24 @@ class Ends:
         elif 0.0 <= dt_s < inf:
             self._stress_Pa += (1.0 - exp(-dt_s / SMOOTH_s)) * (stress_Pa - self._stress_Pa)
 
-    def range_m(self, most_rise_K: float, ambient_C: float) -> tuple[float, float]:
+    def range_m(self, most_rise_K: float, ambient_C: float, longer_m: float = 0.0) -> tuple[float, float]:
         """Shortest and longest displacement that can be held now, in a wire that may be held ``most_rise_K`` above its
-        surroundings; the model's working range where nobody knows more."""
+        surroundings; the model's working range where nobody knows more.
+
+        ``longer_m``: what its martensite is longer than if all of it had formed under the present load: under a spring
+        that is at the long end.  What is shorter is as long as any once it has contracted.
+        """
         if not (self.known and isfinite(self._stress_Pa)):
             return self._range_m
         return _range_m(
-            self._row, self._stress_Pa, most_rise_K, ambient_C, self._shift_K_Pa, *self._range_m, self._whole
+            self._row,
+            self._stress_Pa,
+            most_rise_K,
+            ambient_C,
+            self._shift_K_Pa,
+            *self._range_m,
+            self._whole,
+            max(longer_m, 0.0),
         )
 
 
@@ -82,6 +93,7 @@ def _range_m(
     low_m: float,
     high_m: float,
     whole: bool,
+    longer_m: float,
 ) -> tuple[float, float]:
     """See :meth:`Ends.range_m`."""
     short_m, long_m = looked_up(row, _SHORT, stress_Pa), looked_up(row, _LONG, stress_Pa)
@@ -89,6 +101,7 @@ def _range_m(
         return low_m, high_m
     share = _share_held(row, shift_K_Pa * stress_Pa, most_rise_K, ambient_C)
     short_m += share * (long_m - short_m)
+    long_m += longer_m
     if not whole:
         short_m, long_m = max(short_m, low_m), min(long_m, high_m)
     return (short_m, long_m) if short_m < long_m else (low_m, high_m)

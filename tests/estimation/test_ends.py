@@ -57,6 +57,12 @@ def test_limits_that_leave_less_heat_leave_less_contraction(most_rise_K, share):
         assert short_m == pytest.approx(0.3e-3 + share * 1.7e-3, abs=1e-6)
 
 
+def test_martensite_that_formed_under_a_heavier_load_makes_the_cold_end_longer_by_itself():
+    found = ends(20e6)
+    assert found.range_m(500.0, 24.0, 0.25e-3) == pytest.approx((0.3e-3, 2.25e-3))
+    assert found.range_m(500.0, 24.0, -0.25e-3) == pytest.approx((0.3e-3, 2.0e-3)), "after a contraction it is as long"
+
+
 def test_without_a_calibration_or_a_load_it_is_the_working_range():
     assert ends(calibration=Calibration()).range_m(500.0, 24.0) == MODEL_m
     assert ends(float("nan")).range_m(500.0, 24.0) == MODEL_m
