@@ -70,6 +70,8 @@ try:
     from numba.core import event
 
     COMPILED = True
+    #: As no kernel makes an array, none needs its references counted; none is called from C.
+    _ALL: dict[str, Any] = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
 
     class _News(event.Listener):
         """Says that kernels are being compiled, and where they are kept."""
@@ -81,8 +83,8 @@ try:
         def on_start(self, event: Any) -> None:
             """The first of a process, and now and then another."""
             kernel = event.data["dispatcher"]
-            if not kernel.py_func.__module__.startswith("sma_actuator.") or "inline" in kernel.targetoptions:
-                return  # another's, or a part of one that will come
+            if not kernel.py_func.__module__.startswith("sma_actuator."):
+                return  # another's
             now_s = time.monotonic()
             if not self._kernels:
                 _log.warning("%s, once on this machine; %s", COMPILING, _place(kernel))
@@ -109,19 +111,23 @@ try:
             else f"kept in {_PACKAGE}, in its __pycache__ folders"
         )
 
-    def jit(function: Kernel) -> Kernel:
-        """Compile ``function`` to machine code and keep it in the on-disk cache."""
+    def _kernel(function: Kernel, **how: bool) -> Kernel:
         try:
-            return _hurried(njit(cache=True, error_model="numpy")(function))
+            return _hurried(njit(cache=True, **_ALL, **how)(function))
         except RuntimeError:  # of all places that numba knows none can be written
             numba.config.CACHE_DIR = _last_resort()
-            keep = bool(numba.config.CACHE_DIR)
-            return _hurried(njit(cache=keep, error_model="numpy")(function))
+            return _hurried(njit(cache=bool(numba.config.CACHE_DIR), **_ALL, **how)(function))
+
+    def jit(function: Kernel) -> Kernel:
+        """Compile ``function`` to machine code and keep it in the on-disk cache.
+
+        It may make no array, which is refused where it is compiled: what it works in it is handed.
+        """
+        return _kernel(function)
 
     def inlined(function: Kernel) -> Kernel:
-        """Compile ``function`` into each of its callers: for parts of a loop that are handed arrays, whose counting of
-        references would else cost more than they do."""
-        return _hurried(njit(inline="always", error_model="numpy")(function))
+        """As :func:`jit`, and put into each of its callers: for small parts of a loop."""
+        return _kernel(function, forceinline=True)
 
     def _hurried(kernel: Any) -> Any:
         """Under :func:`at_once`, run what has not been compiled for these types as plain Python."""

@@ -41,7 +41,8 @@ class Chain:
     def read(self, ring: np.ndarray, row: int, noise: np.ndarray) -> np.ndarray:
         """What the converter makes, (n, 5), of the true samples of ``ring`` that end before ``row``, as
         :func:`physics.simulate` writes them, and of standard normal noise, (n, 5)."""
-        return _read(
+        read = np.empty((len(noise), len(CHANNELS)))
+        _read(
             ring,
             row,
             noise,
@@ -53,7 +54,9 @@ class Chain:
             self.lvdt_shunt_Ohm,
             self.noise_V,
             self.quantised,
+            read,
         )
+        return read
 
 
 @jit
@@ -69,9 +72,9 @@ def _read(
     lvdt_shunt_Ohm: float,
     noise_V: tuple[float, ...],
     quantised: bool,
-) -> np.ndarray:
+    read: np.ndarray,
+) -> None:
     n = len(noise)
-    read = np.empty((n, 5))
     for number in range(n):
         sample = ring[(row - n + number) % len(ring)]
         read[number, 0] = sample[1]
@@ -86,7 +89,6 @@ def _read(
                 read[number, channel] = np.round(read[number, channel] / LSB_V) * LSB_V
             if abs(read[number, channel]) >= RANGE_V:
                 read[number, channel] = np.sign(read[number, channel]) * SATURATED
-    return read
 
 
 class Noise:

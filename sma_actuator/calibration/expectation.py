@@ -268,22 +268,27 @@ _UNITS = _units()
 def _evaluate(z: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """The regression at ``z`` (n, FEATURES)."""
     out = np.empty(len(z))
-    _sum(np.ascontiguousarray(z.T), *_UNITS, weights, out)
+    _sum(np.ascontiguousarray(z.T), *_UNITS, weights, np.empty(len(z)), out)
     return out
 
 
 @jit
 def _sum(
-    z: np.ndarray, which: np.ndarray, steep: np.ndarray, shift: np.ndarray, weights: np.ndarray, out: np.ndarray
+    z: np.ndarray,
+    which: np.ndarray,
+    steep: np.ndarray,
+    shift: np.ndarray,
+    weights: np.ndarray,
+    inner: np.ndarray,
+    out: np.ndarray,
 ) -> None:
     """``z``: (FEATURES, n), so that the innermost loops go over neighbours, which a processor takes several at a
-    time."""
+    time; ``inner`` (n,) is room to work in."""
     features, n = z.shape
     out[:] = weights[0]
     for j in range(features):
         for i in range(n):
             out[i] += weights[1 + j] * z[j, i]
-    inner = np.empty(n)
     for k in range(len(which)):
         inner[:] = shift[k]
         for j in range(which.shape[1]):

@@ -66,9 +66,7 @@ class Fit:
 
     def strain(self, loop: Loop) -> np.ndarray:
         """Modelled strain at every sample of a loop, turning points and all."""
-        fraction = np.empty(len(loop.temperature_C))
-        stress_Pa = loop.smooth_stress_Pa
-        follow(self.kinetics.family, self.kinetics.bands(), loop.temperature_C, stress_Pa, fraction)
+        fraction = follow(self.kinetics, loop.temperature_C, loop.smooth_stress_Pa)
         gpa = loop.mean_stress_Pa * 1e-9
         base = self.base[0] + self.base[1] * gpa + self.base[2] * gpa**2
         size = self.largest * (1.0 - np.exp(-(loop.mean_stress_Pa + self.stress_0_Pa) / self.stress_scale_Pa))

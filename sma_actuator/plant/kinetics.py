@@ -378,12 +378,15 @@ def martensite_after(family, bands, memory, fraction, temperature_C, stress_Pa, 
     return transform(memory, fraction, u, v, commit)
 
 
+def follow(kinetics: Kinetics, temperature_C: np.ndarray, stress_Pa: np.ndarray) -> np.ndarray:
+    """Fraction of martensite (n,) along temperatures and stresses (n,), of a wire that came from the hot end."""
+    fraction = np.empty(len(temperature_C))
+    _follow(kinetics.family, kinetics.bands(), new_memory(0.0), temperature_C, stress_Pa, fraction)
+    return fraction
+
+
 @jit
-def follow(family, bands, temperature_C, stress_Pa, fraction):
-    """Fill ``fraction`` (n,) along temperatures and stresses (n,), from a wire that came from the hot end."""
-    memory = np.zeros(_MEMORY)
-    memory[DIRECTION] = 1.0
-    memory[OTHER] = 1.0
+def _follow(family, bands, memory, temperature_C, stress_Pa, fraction):
     now = 0.0
     shift = Shift(0.0, 0.0)
     for i in range(len(temperature_C)):

@@ -5,9 +5,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-pytest.importorskip("numba", reason="numba is not installed (extra 'speed')")
+numba = pytest.importorskip("numba", reason="numba is not installed (extra 'speed')")
 
 _KERNEL = """
 from sma_actuator.base.jit import at_once, inlined, jit
@@ -70,6 +71,13 @@ def test_who_is_in_a_hurry_gets_plain_python_and_nobody_else(tmp_path, bare):
 
 def test_a_numba_that_is_told_to_compile_nothing_does_not(tmp_path, bare):
     run(tmp_path, "from kernel import at_once, twice; assert twice(2.0) == 6.0", NUMBA_DISABLE_JIT="1", **bare)
+
+
+def test_a_kernel_that_makes_an_array_is_refused_since_nobody_counts_who_holds_it():
+    from sma_actuator.base.jit import jit
+
+    with pytest.raises(numba.errors.NumbaError, match="NRT required but not enabled"):
+        jit(lambda n: np.zeros(n)[0])(3)
 
 
 @pytest.mark.parametrize("shared", [False, True], ids=["own", "open to others"])

@@ -30,9 +30,8 @@ def made(kinetics, stress_MPa, size=0.04, cold_C=20.0, hot_C=130.0, seed=0):
     """Temperature, strain and stress of a loop, heated first, with a little noise."""
     temperature_C = np.concatenate((np.arange(cold_C, hot_C, 0.5), np.arange(hot_C, cold_C, -0.5)))
     stress_Pa = np.full(len(temperature_C), stress_MPa * 1e6)
-    fraction = np.empty(len(temperature_C) + 1)
     first = np.concatenate(([cold_C], temperature_C))
-    follow(kinetics.family, kinetics.bands(), first, np.full(len(first), stress_MPa * 1e6), fraction)
+    fraction = follow(kinetics, first, np.full(len(first), stress_MPa * 1e6))
     noise = np.random.default_rng(seed).normal(0.0, 1e-5, len(temperature_C))
     return np.column_stack((temperature_C, 0.001 + size * fraction[1:] + noise, stress_Pa / 1e6))
 
@@ -166,8 +165,7 @@ def test_what_the_readme_of_the_trained_wire_says_is_read_off_it():
 def test_the_distribution_that_the_bench_ships_is_that_of_the_trained_wire():
     """Nothing is fitted here but the size and the zero of each loop's strain."""
     for loop in (read_loop(path) for path in FLEXINOL):
-        fraction = np.empty(len(loop.strain))
-        follow(FLEXINOL_381UM.family, FLEXINOL_381UM.bands(), loop.temperature_C, loop.smooth_stress_Pa, fraction)
+        fraction = follow(FLEXINOL_381UM, loop.temperature_C, loop.smooth_stress_Pa)
         line = np.polyfit(fraction, loop.strain, 1)
         assert np.sqrt(np.mean((np.polyval(line, fraction) - loop.strain) ** 2)) / loop.stroke < 0.01
 

@@ -137,8 +137,9 @@ def _slide(c, stand, strain, load, slider, moving, spring_at, lasting):
 
 
 @jit
-def _advance(c, stand, bands, parts, memory_m, memory_r, duty, step_s, out):
-    """Fill ``out`` (n, 6), row i at the end of step i; ``parts`` hold a wire that is to be cooled from the hot end."""
+def _advance(c, stand, bands, parts, memory_m, memory_r, means, duty, step_s, out):
+    """Fill ``out`` (n, 6), row i at the end of step i; ``parts`` hold a wire that is to be cooled from the hot end,
+    ``means`` (MEANS,) is room to work in."""
     x = c.transformation
     ambient = stand.ambient_C
     # the last thing it did was to cool: the slider followed the spring
@@ -155,7 +156,6 @@ def _advance(c, stand, bands, parts, memory_m, memory_r, duty, step_s, out):
         parts[j, ENTHALPY] = enthalpy_of(x, parts[j, PART_MARTENSITE], parts[j, R_SHARE], ambient)
         mean_m += parts[j, SHARE] * parts[j, PART_MARTENSITE]
         mean_r += parts[j, SHARE] * parts[j, R_SHARE]
-    means = np.zeros(MEANS)
     strain = strain_parts(c, mean_m, mean_r, ambient)
     start = c.length_m * strain_under(c, strain, load / c.area_m2)
     slider = start
@@ -243,6 +243,7 @@ def simulate(wire: ForwardWire, duty: np.ndarray, step_s: float) -> np.ndarray:
         parts,
         memory_m,
         memory_m.copy(),
+        np.zeros(MEANS),
         np.ascontiguousarray(duty, float),
         step_s,
         out,

@@ -108,13 +108,15 @@ class Numbers(NamedTuple):
     units: np.ndarray  #: and for the tanh units
 
 
-@jit
 def at_usual_load(resistance: Any, stress: Any, resistances: np.ndarray) -> Any:
     """The resistance [Ω] that the wire would have under the usual load, as far between the hot one's and the cold one's
     as it is under this stress; of one sample or of n."""
     hot = resistances[0] + stress * resistances[1]
     cold = resistances[2] + stress * resistances[3]
     return resistances[4] + (resistance - hot) * (resistances[5] / (cold - hot))
+
+
+_at_usual_load = jit(at_usual_load)  # of one sample
 
 
 @jit
@@ -402,7 +404,7 @@ def advance(
             resistance -= n.martensite[orientation.OHM_PER_m] * orientation.longer_m(
                 stress, n.ends, n.martensite, oriented
             )
-    resistance = at_usual_load(resistance, stress, n.resistances)
+    resistance = _at_usual_load(resistance, stress, n.resistances)
     if first:
         # At rest: the place that agrees with the temperature that is made of it.
         share = 1.0
