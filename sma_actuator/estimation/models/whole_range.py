@@ -334,25 +334,6 @@ def _half_width(displacement: float, heating: bool, n: Numbers) -> float:
 
 
 @jit
-def _see(
-    time: float, power: float, ambient: float, resistance: float, stress: float, state: np.ndarray, n: Numbers
-) -> None:
-    """The features of one sample, into ``n.seen``."""
-    features(
-        time=time,
-        power=power,
-        ambient=ambient,
-        resistance=resistance,
-        stress=stress,
-        thermal=n.thermal,
-        widths_K=n.widths_K,
-        widths_Ohm=n.widths_Ohm,
-        state=state,
-        out=n.seen,
-    )
-
-
-@jit
 def _estimate(heating: bool, n: Numbers, out: np.ndarray) -> None:
     """δ, half of its 95 % interval and the share of the residual in it, into ``out``, from the features ``n.seen``."""
     for j in range(len(n.seen)):
@@ -405,10 +386,11 @@ def advance(
                 stress, n.ends, n.martensite, oriented
             )
     resistance = _at_usual_load(resistance, stress, n.resistances)
-    if first:
-        # At rest: the place that agrees with the temperature that is made of it.
-        share = 1.0
-        for _ in range(_START_PASSES):
+    share = 1.0
+    # At rest, in the place that agrees with the temperature that is made of it; once in the text, as it is compiled
+    # wherever it stands.
+    for _ in range(_START_PASSES + 1 if first else 1):
+        if first:
             at_rest(
                 time=time,
                 power=rested,
@@ -418,15 +400,21 @@ def advance(
                 thermal=n.thermal,
                 state=state,
             )
-            _see(time=time, power=power, ambient=ambient, resistance=resistance, stress=stress, state=state, n=n)
-            _estimate(heating, n, out)
-            share = share_of_stroke(out[0], stress, n.ends)
-        at_rest(
-            time=time, power=rested, ambient=ambient, resistance=resistance, share=share, thermal=n.thermal, state=state
+        features(
+            time=time,
+            power=power,
+            ambient=ambient,
+            resistance=resistance,
+            stress=stress,
+            thermal=n.thermal,
+            widths_K=n.widths_K,
+            widths_Ohm=n.widths_Ohm,
+            state=state,
+            out=n.seen,
         )
-    _see(time=time, power=power, ambient=ambient, resistance=resistance, stress=stress, state=state, n=n)
-    _estimate(heating, n, out)
-    state[_SHARE] = share_of_stroke(out[0], stress, n.ends)
+        _estimate(heating, n, out)
+        share = share_of_stroke(out[0], stress, n.ends)
+    state[_SHARE] = share
     if remembers:
         if first and not orientation.told(oriented):
             orientation.begin(state[_SHARE], 0.0, stress, n.ends, oriented)
