@@ -4,6 +4,7 @@ folds."""
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -47,6 +48,20 @@ LEAST_SPAN = 0.3
 LEARNED_ERROR_K, JUDGED_ERROR_K = 0.5, 1.5
 
 
+class _Samples(NamedTuple):
+    """Of a log, or of all one after the other; each (n,)."""
+
+    time_s: np.ndarray
+    power_W: np.ndarray
+    ambient_C: np.ndarray
+    resistance_Ohm: np.ndarray
+    stress_Pa: np.ndarray
+    displacement_m: np.ndarray
+    heating: np.ndarray  #: bool
+    cycle: np.ndarray  #: its number
+    earlier: np.ndarray  #: bool: an earlier load has moved it
+
+
 class Data:
     """The logs' samples one after the other, thinned to what a fit needs; displacement in % of the full stroke."""
 
@@ -67,12 +82,13 @@ class Data:
         if loads == 1:
             parts[len(experiments) :] = [_with_another_load(p, rng) for p in parts[len(experiments) :]]
         copies = len(parts) // len(experiments)
-        columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
-        self.time, self.power, self.ambient, self.resistance, self.stress = columns[:5]
-        self.displacement, self.heating, self.cycle = columns[5] / self.percent_m, columns[6], columns[7]
+        every = _Samples(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        self.time, self.power, self.ambient = every.time_s, every.power_W, every.ambient_C
+        self.resistance, self.stress = every.resistance_Ohm, every.stress_Pa
+        self.displacement, self.heating, self.cycle = every.displacement_m / self.percent_m, every.heating, every.cycle
         ends_m, self.ends_Ohm = _ends(experiments, parts)
         self.ends = ends_m / self.percent_m
-        lengths = [len(p[0]) for p in parts]
+        lengths = [len(p.time_s) for p in parts]
         self.lengths = lengths[: len(experiments)]
         self.first = np.zeros(len(self.time), dtype=np.bool_)
         self.first[np.cumsum([0, *lengths[:-1]])] = begins_anew(experiments) * copies
@@ -91,7 +107,7 @@ class Data:
         self.share = np.clip((self.displacement - hot) / (cold - hot), 0.0, 1.0)
         # of a few long logs a third of the cycles is held out in turn, one beside the other
         if len(experiments) < FOLDS:
-            thirds = [_thirds(p[7]) for p in parts[: len(experiments)]]
+            thirds = [_thirds(p.cycle) for p in parts[: len(experiments)]]
             self.log_fold = np.concatenate(thirds * copies)
         else:
             self.log_fold = np.repeat(np.tile(_log_folds(experiments), copies), lengths)
@@ -105,7 +121,7 @@ class Data:
             )
         stride = max(1, -(-len(self.time) // MOST_ROWS))
         rows = np.arange(0, len(self.time), stride)
-        self.rows = rows[~columns[8][rows]]
+        self.rows = rows[~every.earlier[rows]]
         self.fewer = np.arange(len(self.rows)) % -(-len(self.rows) // FEWER_ROWS) == 0
         self.measured = self.rows < sum(self.lengths)  # the others are of copies
         self.learned = self.rows < 2 * sum(self.lengths)
@@ -162,7 +178,7 @@ class Data:
         return out
 
 
-def _thinned(experiment: Experiment, earlier: np.ndarray, ambient_C: float, step_s: float) -> tuple[np.ndarray, ...]:
+def _thinned(experiment: Experiment, earlier: np.ndarray, ambient_C: float, step_s: float) -> _Samples:
     """A log's good samples, as many together as make a step of that; their power is the mean.
 
     ``earlier``: those that an earlier load has moved, bool, shape (n,).
@@ -178,18 +194,20 @@ def _thinned(experiment: Experiment, earlier: np.ndarray, ambient_C: float, step
     def last(values: np.ndarray) -> np.ndarray:
         return np.ascontiguousarray(values[:n].reshape(-1, together)[:, -1])
 
-    return (
+    return _Samples(
         last(time_s),
         s.power_W[good][:n].reshape(-1, together).mean(axis=1),
         last(ambient).astype(float),
-        *(last(v[good]) for v in (s.resistance_Ohm, s.stress_Pa, s.reference_displacement_m)),
+        last(s.resistance_Ohm[good]),
+        last(s.stress_Pa[good]),
+        last(s.reference_displacement_m[good]),
         last(experiment.heating[good]),
         last(experiment.cycle[good]),
         last(earlier[good]),
     )
 
 
-def _ends(experiments: Sequence[Experiment], parts: Sequence[tuple[np.ndarray, ...]]) -> tuple[np.ndarray, np.ndarray]:
+def _ends(experiments: Sequence[Experiment], parts: Sequence[_Samples]) -> tuple[np.ndarray, np.ndarray]:
     """Hot and cold end of the stroke [m] as quadratics in stress, shape (2, 3), and the wire's resistance there [Ω] as
     lines, shape (2, 2); lower orders where there are fewer loads."""
     whole = [p for t, p in zip(experiments, parts, strict=False) if t.kind != "partial"] or list(
@@ -197,8 +215,8 @@ def _ends(experiments: Sequence[Experiment], parts: Sequence[tuple[np.ndarray, .
     )
     stress_Pa, place_m, resistance_Ohm = (np.empty((2, len(whole))) for _ in range(3))
     for k, part in enumerate(whole):
-        own = ~part[8] | part[8].all()
-        resistance, stress, displacement = part[3][own], part[4][own], part[5][own]
+        own = ~part.earlier | part.earlier.all()
+        resistance, stress, displacement = part.resistance_Ohm[own], part.stress_Pa[own], part.displacement_m[own]
         low, high = np.percentile(displacement, (0.5, 99.5))
         for end, chosen in enumerate(
             (displacement <= low + 0.02 * (high - low), displacement >= high - 0.02 * (high - low))
@@ -225,22 +243,19 @@ def _alike(ends_Ohm: np.ndarray, stress_Pa: tuple[float, float]) -> bool:
     return bool(min(lightest_Ohm, heaviest_Ohm) > LEAST_SPAN * max(lightest_Ohm, heaviest_Ohm))
 
 
-def _with_other_surroundings(
-    part: tuple[np.ndarray, ...], error_K: float, rng: np.random.Generator
-) -> tuple[np.ndarray, ...]:
+def _with_other_surroundings(part: _Samples, error_K: float, rng: np.random.Generator) -> _Samples:
     """The same log as if the heat balance were off by a slowly changing temperature."""
-    time_s, power_W, ambient_C, *rest = part
-    off_K = np.zeros(len(time_s))
+    off_K = np.zeros(len(part.time_s))
     for period_s in (11.0, 37.0, 131.0):
-        off_K += rng.normal() * np.sin(2.0 * np.pi * (time_s / period_s + rng.uniform()))
-    return time_s, power_W, ambient_C + error_K * off_K, *rest
+        off_K += rng.normal() * np.sin(2.0 * np.pi * (part.time_s / period_s + rng.uniform()))
+    return part._replace(ambient_C=part.ambient_C + error_K * off_K)
 
 
-def _with_another_load(part: tuple[np.ndarray, ...], rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+def _with_another_load(part: _Samples, rng: np.random.Generator) -> _Samples:
     """The same log as if the load slowly wandered about, within ONE_LOAD: of how the loop goes with it one load says
     nothing."""
-    phase = 2.0 * np.pi * (part[0] / 23.0 + rng.uniform())
-    return *part[:4], part[4] * (1.0 + ONE_LOAD * np.sin(phase)), *part[5:]
+    phase = 2.0 * np.pi * (part.time_s / 23.0 + rng.uniform())
+    return part._replace(stress_Pa=part.stress_Pa * (1.0 + ONE_LOAD * np.sin(phase)))
 
 
 def _thirds(cycle: np.ndarray) -> np.ndarray:
