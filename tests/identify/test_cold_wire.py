@@ -83,3 +83,10 @@ def test_logs_of_one_load_say_nothing_of_others(config):
 def test_logs_whose_only_cold_rests_are_from_before_they_were_heated_say_nothing(config):
     logs = [pulses(load_N) for load_N in (0.5, 1.0)]
     assert cold_wire([log.rows(np.arange(len(log.displacement_m)) < 300) for log in logs], config, ENDS_m) is None
+
+
+def test_a_single_cold_rest_does_not_say_what_is_usual(config):
+    log = pulses(1.0)
+    elapsed_s = np.arange(len(log.displacement_m)) * 0.05
+    heated_first = log.rows((elapsed_s >= FIRST_s) & (elapsed_s < FIRST_s + PERIOD_s))
+    assert cold_wire([heated_first], config, ENDS_m) is None

@@ -297,9 +297,10 @@ def test_identify_says_which_model_it_would_take_and_why(whole):
     assert "hot end" in whole.beside and "cold end" in whole.beside and "partial cycles" in whole.beside
 
 
-def test_too_few_cycles_are_refused_in_a_sentence(flexinol):
-    with pytest.raises(IdentificationError, match="3 logs or cycles at least are needed.* there are 2"):
-        identify(flexinol.only("pulses_0.6"), flexinol.mapping, "whole_range")
+@pytest.mark.parametrize("logs, cycles", [("pulses_0.6", 2), ("fatigue", 0)])  # a log of fatigue is none of those
+def test_too_few_cycles_are_refused_in_a_sentence(flexinol, logs, cycles):
+    with pytest.raises(IdentificationError, match=f"3 logs or cycles at least are needed.* there are {cycles}"):
+        identify(flexinol.only(logs), flexinol.mapping, "whole_range")
 
 
 def test_coefficients_that_do_not_belong_together_are_refused_by_name(whole):

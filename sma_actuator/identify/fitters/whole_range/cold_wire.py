@@ -47,7 +47,8 @@ class ColdWire:
 
 
 def cold_wire(experiments: Sequence[Experiment], config, ends_m: np.ndarray) -> ColdWire | None:
-    """The gauge by these logs; None where no wire of theirs came to rest cold after it was heated.
+    """The gauge by these logs; None where no wire of theirs came to rest cold after it was heated, or too seldom to say
+    what is usual.
 
     ``ends_m``: hot and cold end as quadratics in stress, shape (2, 3).
     """
@@ -56,6 +57,8 @@ def cold_wire(experiments: Sequence[Experiment], config, ends_m: np.ndarray) -> 
     if not cooled:
         return None
     rest = learn(experiments, time_constant_s)
+    if not rest.cold_stress:
+        return None
     off_Ohm = [(t.resistance_Ohm - _usual_Ohm(rest, t))[each.start : each.stop] for t, each in cooled]
     settled, readings = [float(np.mean(each)) for each in off_Ohm], [float(np.std(each)) for each in off_Ohm]
     scatter_Ohm, reading_Ohm = float(np.sqrt(np.mean(np.square(settled)))), float(np.mean(readings))

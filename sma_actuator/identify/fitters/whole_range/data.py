@@ -68,6 +68,12 @@ class Data:
     def __init__(self, experiments: Sequence[Experiment], config):
         self.config, self.wire, self.thermal = config, config.wire, config.thermal
         self.percent_m = config.wire.full_stroke_m / 100.0
+        cycles = sum(int(t.cycle[-1]) for t in experiments)
+        if len(experiments) < FOLDS and cycles < FOLDS:
+            raise IdentificationError(
+                f"whole_range: {FOLDS} logs or cycles at least are needed, some to be left out while the others are "
+                f"fitted; there {'is' if cycles == 1 else 'are'} {cycles}: heat and cool the wire more often"
+            )
         step_s = min(SHORTEST_STEP_s, SHORTEST_STEP * config.thermal.balance.time_constant_s)
         # An error counts as it is up to ROBUST.
         earlier = of_earlier_load(experiments, config.thermal.balance.time_constant_s, ROBUST * self.percent_m)
@@ -113,12 +119,6 @@ class Data:
             self.log_fold = np.repeat(np.tile(_log_folds(experiments), copies), lengths)
         self.load_fold = np.repeat(np.tile(_load_folds(experiments), copies), lengths)
         self.cycle = self.cycle + np.repeat(np.tile(np.arange(len(experiments)), copies), lengths)
-        cycles = sum(int(t.cycle[-1]) for t in experiments)
-        if len(experiments) < FOLDS and cycles < FOLDS:
-            raise IdentificationError(
-                f"whole_range: {FOLDS} logs or cycles at least are needed, some to be left out while the others are "
-                f"fitted; there {'is' if cycles == 1 else 'are'} {cycles}: heat and cool the wire more often"
-            )
         stride = max(1, -(-len(self.time) // MOST_ROWS))
         rows = np.arange(0, len(self.time), stride)
         self.rows = rows[~every.earlier[rows]]
