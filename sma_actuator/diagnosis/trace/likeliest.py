@@ -354,15 +354,22 @@ class _Search:
         axes *= p.spread[:, None] * np.sqrt(2.0 / squares)
         sides = np.empty((2, len(rows), len(u)))
         for i in range(len(u)):
-            for last in (False,) * (WIDTHS - 1) + (True,):
-                there = [u - axes[:, i], u + axes[:, i]]
+            length, shorter, longer = 1.0, 0.0, math.inf  # as far as a wall that lies behind nothing
+            for tries in range(WIDTHS, 0, -1):
+                if tries == 1 and shorter:
+                    length = shorter
+                there = [u - length * axes[:, i], u + length * axes[:, i]]
                 sides[:, :, i] = [p.residual(p.clipped(x)) for x in there]
                 possible = [k for k, x in enumerate(there) if np.array_equal(x, p.clipped(x))] or [0, 1]
                 falls = [0.5 * (self.cost(sides[k, :, i], there[k]) - at) for k in possible]
                 fall = float(np.mean(falls))
-                if last or FALL[0] <= fall <= FALL[1]:
+                if FALL[0] <= fall <= FALL[1]:
                     break
-                axes[:, i] /= math.sqrt(min(max(fall, LONGER**-2), LONGER**2))
+                shorter, longer = (length, longer) if fall < FALL[0] else (shorter, length)
+                length /= math.sqrt(min(max(fall, LONGER**-2), LONGER**2))
+                if not shorter < length < longer:
+                    length = math.sqrt(shorter * longer)
+            axes[:, i] *= length
             if len(possible) == 1:  # beyond what is possible it goes on as on the other side
                 (k,) = possible
                 sides[1 - k, :, i] = 2.0 * rows - sides[k, :, i]

@@ -196,6 +196,25 @@ def test_how_wide_the_likely_is_is_seen_across_jumps():
     assert abs(within.log_evidence(usual) - whole) > 0.2
 
 
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.8])
+def test_a_wall_beside_the_likeliest_makes_nothing_likelier(share):
+    """Where a parameter is a little less all is far off (a wire that would be warm throughout): half of what is likely
+    is behind that wall, and it is not mistaken for a slope that leads away from it."""
+    base, free, usual = of((1.0, -2.0))
+    (_, at), (_, width) = free.u, np.abs(free.axes).max(axis=1)
+    wall = 30.0 * RNG.standard_normal(N)
+
+    class Walled(Line):
+        def residual(self, effects):
+            behind = effects[NAME].rate / TYPICAL[1] < at - share * width
+            return super().residual(effects) + wall * behind
+
+    found = likeliest(Walled(base), [candidate()], usual)
+    np.testing.assert_allclose(found.u, free.u, atol=0.5 * width)
+    for covariance in (usual, Covariance(SMOOTH, wall[:, None]), Covariance(3.0 * SMOOTH)):
+        assert found.log_evidence(covariance) < free.log_evidence(covariance) + 0.5
+
+
 def test_under_another_covariance_a_jump_does_not_make_a_parameter_free():
     """What an effect moves may be smooth errors there; where that leaves jumps alone, both sides may be likelier than
     the middle.  How narrow the likely is says the slope there and how curved it was under its own."""
