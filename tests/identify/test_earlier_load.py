@@ -65,13 +65,24 @@ def test_the_whole_range_takes_neither_rows_nor_a_cold_end_from_it(flexinol):
     config = bench_from_mapping(flexinol.mapping)
     experiments = make_experiments(flexinol.logs, config, remembered=True)
 
-    def longer(t):
-        displacement_m = t.displacement_m.copy()
-        displacement_m[t.cycle == 0] += 0.2 * config.wire.full_stroke_m
-        return dataclasses.replace(t, signals=dataclasses.replace(t.signals, reference_displacement_m=displacement_m))
-
-    usual, moved = Data(experiments, config), Data([longer(t) for t in experiments], config)
+    usual, moved = Data(experiments, config), Data([longer(t, config) for t in experiments], config)
     cycle = np.concatenate([t.cycle[t.judged] for t in experiments])
     assert (cycle == 0).any()
     np.testing.assert_allclose(moved.ends, usual.ends, atol=0.2)
     np.testing.assert_array_less(moved.displacement[moved.rows], usual.displacement.max() + 0.5)
+
+
+def test_a_log_that_ends_before_the_wire_is_heated_says_nothing_of_the_ends(flexinol):
+    config = bench_from_mapping(flexinol.mapping)
+    experiments = make_experiments(flexinol.logs, config, remembered=True)
+    begins = next(t for t in experiments if t.kind == "pulses" and np.sum(t.cycle == 0) > 20)
+    short = longer(begins, config).rows(begins.cycle == 0)
+    usual, more = (Data(some, config) for some in (experiments, [*experiments, short]))
+    np.testing.assert_array_equal(more.ends, usual.ends)
+
+
+def longer(t, config):
+    """The same log, the wire a fifth of its stroke longer until it is heated."""
+    displacement_m = t.displacement_m.copy()
+    displacement_m[t.cycle == 0] += 0.2 * config.wire.full_stroke_m
+    return dataclasses.replace(t, signals=dataclasses.replace(t.signals, reference_displacement_m=displacement_m))

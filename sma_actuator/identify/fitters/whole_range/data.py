@@ -210,9 +210,10 @@ def _thinned(experiment: Experiment, earlier: np.ndarray, ambient_C: float, step
 def _ends(experiments: Sequence[Experiment], parts: Sequence[_Samples]) -> tuple[np.ndarray, np.ndarray]:
     """Hot and cold end of the stroke [m] as quadratics in stress, shape (2, 3), and the wire's resistance there [Ω] as
     lines, shape (2, 2); lower orders where there are fewer loads."""
-    whole = [p for t, p in zip(experiments, parts, strict=False) if t.kind != "partial"] or list(
-        parts[: len(experiments)]
-    )
+    logs = list(zip(experiments, parts, strict=False))
+    # A log throughout which the wire is as an earlier load left it says nothing of its own load's ends.
+    known = [(t, p) for t, p in logs if not p.earlier.all()] or logs
+    whole = [p for t, p in known if t.kind != "partial"] or [p for _, p in known]
     stress_Pa, place_m, resistance_Ohm = (np.empty((2, len(whole))) for _ in range(3))
     for k, part in enumerate(whole):
         own = ~part.earlier | part.earlier.all()
