@@ -57,6 +57,8 @@ class _InProcess:
     def _reach(self, timeout_s: float) -> None:
         """Spend the time a query takes; raise InstrumentLost or InstrumentLate where a real one would."""
         bench = self._bench
+        if not bench.faults and self._owed is None:
+            return  # it answers at once
         if f"{self.name}_hangup" in bench.faults:
             self._open, self._owed = False, None
             raise InstrumentUnreachable(f"virtual {self.name}: the connection was closed")
@@ -228,7 +230,7 @@ class InProcessDaq(_InProcess):
         if bench.samples < n:
             bench.advance(n * 1e-3)
         samples, times_s = bench.daq.block(n)
-        mean = np.mean(samples, axis=0)
+        mean = np.add.reduce(samples) / n
 
         def channel(number: int) -> float:
             return float(mean[CHANNELS.index(number)]) if number else nan

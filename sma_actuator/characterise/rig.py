@@ -190,7 +190,7 @@ class Watch:
 
     def allowed_A(self, wanted_A: float) -> float:
         """The current [A] that may flow of what is wanted."""
-        wanted_A = float(np.clip(wanted_A, 0.0, self._supervisor.config.supply.max_current))
+        wanted_A = min(max(wanted_A, 0.0), self._supervisor.config.supply.max_current)
         self._told, _ = self._supervisor.gate(wanted_A, driven=True, faults={})
         return self._told.current_A
 
