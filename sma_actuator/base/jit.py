@@ -15,6 +15,7 @@ import contextlib
 import logging
 import os
 import stat
+import sys
 import tempfile
 import threading
 import time
@@ -62,10 +63,24 @@ def _last_resort() -> str:
     return ""
 
 
+@contextlib.contextmanager
+def _without_coverage() -> Iterator[None]:
+    """Numba imports it wherever it is installed, a sixth of its own import, and needs it only where it is at work."""
+    missing = "coverage" not in sys.modules
+    if missing:
+        sys.modules["coverage"] = None  # type: ignore[assignment]
+    try:
+        yield
+    finally:
+        if missing:
+            del sys.modules["coverage"]
+
+
 try:
     if os.environ.get("SMA_ACTUATOR_NO_JIT"):
         raise ImportError
-    import numba
+    with _without_coverage():
+        import numba
     from numba import njit
     from numba.core import event
 
