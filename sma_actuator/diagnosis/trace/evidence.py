@@ -218,11 +218,9 @@ class Evidence:
         return np.concatenate((samples, *(np.nan_to_num(witness.off(predictions)) for witness in self._others)))
 
     def late(self, predictions: Sequence[Prediction]) -> np.ndarray:
-        """The rows after those of the samples: how far off each is where the load is read one reading later."""
-        springs = self.of_springs
-        return np.concatenate(
-            [w.late(predictions) if w is springs else np.zeros(len(w.row_units)) for w in self._others]
-        )
+        """The rows after those of the samples: how much further off each is where the load is read one reading
+        later."""
+        return np.concatenate([witness.late(predictions) for witness in self._others])
 
     def losses(self, rows: np.ndarray) -> np.ndarray:
         """Loss of every unit, shape (units,)."""

@@ -16,10 +16,10 @@ from sma_actuator.config import Config
 from sma_actuator.diagnosis.trace.limits import LIMITS
 from sma_actuator.diagnosis.trace.prepared import Prepared
 
-from .witness import Prediction
+from .witness import Prediction, Witness
 
 
-class Power:
+class Power(Witness):
     """How much warmer than at the calibration the heat balance calls the wire in each passage, a row each."""
 
     names = ("power in the transformation",)

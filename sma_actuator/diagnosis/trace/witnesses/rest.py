@@ -13,12 +13,12 @@ from sma_actuator.calibration.rest import AtRest, Rest, Usual
 from sma_actuator.config import Config
 from sma_actuator.diagnosis.trace.prepared import Prepared
 
-from .witness import Prediction
+from .witness import Prediction, Witness
 
 ON_ITS_WAY = 0.1  #: of full stroke: so far from where it will rest, a wire still transforms
 
 
-class Rests:
+class Rests(Witness):
     """R and δ of every rest, one row after the other."""
 
     names = (

@@ -9,14 +9,14 @@ import numpy as np
 from sma_actuator.diagnosis.trace.limits import LIMITS
 from sma_actuator.diagnosis.trace.prepared import Prepared
 
-from .witness import Prediction
+from .witness import Prediction, Witness
 
 LOADS_DIFFER = 0.1  #: spread of the load, over the load, from which it counts as changing
 PART = 0.2  #: share of a unit below which the mean of its heating, or cooling, is that of a few readings on the way
 SPRING = 0.9  #: correlation squared of load and displacement from which the load is that of a spring
 
 
-class Springs:
+class Springs(Witness):
     """How far displacement and load lie off a straight line: the mean of every heating and cooling, a row each.
 
     What drifts or lags in sensor or load cell bends the line of a spring; what the wire does, does not.

@@ -38,3 +38,7 @@ class Witness(Protocol):
 
     def off(self, predictions: Sequence[Prediction]) -> np.ndarray:
         """How far off each row is, in units of what is usual, shape (n,)."""
+
+    def late(self, predictions: Sequence[Prediction]) -> np.ndarray:
+        """How much further off each row is where the load is read one reading later, shape (n,); as a rule nothing."""
+        return np.zeros(len(self.row_units))
