@@ -14,7 +14,7 @@ from .reach import (
     PATIENCE_s,
 )
 from .records import Limit
-from .thermal import CAPACITY_WITHIN, LEAST_SLOPE_1_K, LOSING_TIMES, SUDDENLY
+from .thermal import CAPACITY_WITHIN, LEAST_SLOPE_1_K, LOSING_TIMES, NOT_CONTRACTED_MARGIN, SUDDENLY
 from .timing import ONE_STEP, TWO_STEPS
 
 SETPOINT_RANGE = Limit(
@@ -71,7 +71,8 @@ TEMPERATURE_DERATING = Limit(
     "and what decides that",
     "the largest current that could flow on until supply.watchdog_timeout cuts it (where there is none, until "
     "safety.reading_timeout, and for ever in a wire that loses heat_loss / unwatched_margin) and leave the wire below "
-    "thermal.max_temperature even if it lost only heat_loss / heat_loss_margin, or "
+    f"thermal.max_temperature even if it lost only heat_loss / heat_loss_margin ({NOT_CONTRACTED_MARGIN:g} at the most "
+    "while it shows more than its calibration saw of it contracted, at transformed_temperature), or "
     f"{SUDDENLY:g} of what it has shown to lose over {LOSING_TIMES:g} of its time constants (unless noise changes the "
     "load all the time), from what the first heat balance says, but no more than its resistance: "
     "thermal.transformed_temperature, or "

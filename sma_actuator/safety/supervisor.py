@@ -18,7 +18,7 @@ from .guards.readings import are_inside
 from .limits import ANSWER_LATE, STRESS_NEAR_LIMIT, TEMPERATURE_DERATING
 from .parameters import SafetySections
 from .records import Action, Fault, Guard, Limit, Memory, Step
-from .thermal import Contracted, Transforms, WireHeat, derated_limit_A
+from .thermal import Transforms, WireHeat, derated_limit_A, most_contracted_Ohm
 from .timing import SETTLING_READINGS, SETTLING_TIME_s
 
 _OFF = Command(0.0, False)
@@ -54,7 +54,10 @@ class Supervisor:
     def update(self, config: SafetySections) -> None:
         """Take over live parameters; the memory stays."""
         self.config = config
-        self._contracted = Contracted.of(config.calibration.hot_end)
+        self._contracted_Ohm, self._just_contracted_Ohm = (
+            most_contracted_Ohm(config.calibration.hot_end, each_C)
+            for each_C in (config.thermal.max_temperature, config.thermal.transformed_temperature)
+        )
         self._transforms = Transforms(config.calibration, config.thermal)
         self._unwatched_s = unwatched_s(config)
 
@@ -109,7 +112,8 @@ class Supervisor:
             thermal,
             resistance_Ohm,
             load_N,
-            self._contracted,
+            self._contracted_Ohm,
+            self._just_contracted_Ohm,
             wire_W,
             transforms_C,
         )

@@ -22,7 +22,6 @@ from __future__ import annotations
 
 import math
 from math import exp, expm1, inf, isfinite, nan
-from typing import NamedTuple
 
 from sma_actuator.base.calibration import Calibration, HotEndSection
 from sma_actuator.base.jit import Floats, floats, jit
@@ -54,6 +53,10 @@ SUDDENLY = 0.9
 #: many times higher.  Wires of one alloy have 0.85 to 1.2 of the usual; by geometry, a wire that hangs vertically loses
 #: a fifth less than one that lies.
 CAPACITY_WITHIN = 1.25
+#: The margin of a wire that by its resistance has not contracted: half of a heat loss that is known so well.  What more
+#: there is, is for a fan that stops while a contracted one is held hot.  It is no less, since another wire in its place
+#: may show more.
+NOT_CONTRACTED_MARGIN = 2.0 * CAPACITY_WITHIN
 #: Surroundings no wire is driven in [°C]; a sensor that reads more is not believed.
 HOTTEST_AMBIENT_C = 100.0
 #: A sensor that falls below the usual temperature is followed at this rate: surroundings cool no faster.
@@ -154,9 +157,6 @@ def hottest_C(
     at_most_C: float,
     transformed_C: float,
     contracted_Ohm: float,
-    contracted_C: float,
-    possible_C: float,
-    done_C: float,
 ) -> float:
     """How hot the wire can be at most [°C] by its resistance, NaN where none was measured, whatever heat it loses.
 
@@ -165,12 +165,9 @@ def hottest_C(
     (``transformed_C``) is no hotter than that; and one that shows more than the least is either longer again or hotter
     by what that makes of its austenite's resistance.  Both are counted as the second.
 
-    ``at_most_C``: what was known before.  Resistance that comes with another load says nothing of heat.  To show more
-    than it has (:class:`Contracted`) a contracted wire must be hotter: one that would have to be so above
-    ``possible_C`` has not contracted, or no longer (:func:`coldest_contracted_C`); nor has one that has not yet shown
-    as little as a contracted one does at ``done_C``, at which a wire has transformed at the latest, though the
-    resistance of its martensite rises with temperature, or of its R-phase.  What is remembered begins at the ``first``
-    of ``state`` (:func:`begin_thermometer`).
+    ``at_most_C``: what was known before.  Resistance that comes with another load says nothing of heat.  A wire
+    that has contracted shows no more than ``contracted_Ohm``, however hot it may be.  What is remembered begins at the
+    ``first`` of ``state`` (:func:`begin_thermometer`).
     """
     gap_s = state[first + _GAP_s] + dt_s
     if not isfinite(resistance_Ohm):
@@ -183,15 +180,13 @@ def hottest_C(
         least_Ohm += resistance_Ohm - shown_Ohm
         shown_Ohm = resistance_Ohm
     shown_Ohm -= expm1(-gap_s / SMOOTH_s) * (resistance_Ohm - shown_Ohm)
-    if at_most_C < transformed_C or coldest_contracted_C(shown_Ohm, contracted_Ohm, contracted_C) > possible_C:
+    if at_most_C < transformed_C or shown_Ohm > contracted_Ohm:
         least_Ohm = shown_Ohm
     least_Ohm = min(least_Ohm, shown_Ohm)
     state[first + _SHOWN_Ohm], state[first + _LOAD_N] = shown_Ohm, load_N
     state[first + _GAP_s], state[first + _LEAST_Ohm] = 0.0, least_Ohm
     if not least_Ohm > 0.0:  # not known; or of no wire, as where the leads alone are measured
         return inf
-    if coldest_contracted_C(least_Ohm, contracted_Ohm, contracted_C) > done_C:
-        return transformed_C
     return transformed_C + (shown_Ohm - least_Ohm) / (LEAST_SLOPE_1_K * least_Ohm)
 
 
@@ -207,31 +202,12 @@ def begin_thermometer(state: Floats, first: int) -> None:
         state[first + each] = nan
 
 
-class Contracted(NamedTuple):
-    """What this wire has shown contracted; as it stands here, nobody knows."""
-
-    resistance_Ohm: float = inf  #: the most, under any load
-    temperature_C: float = inf  #: at which it showed that
-
-    @classmethod
-    def of(cls, hot_end: HotEndSection) -> Contracted:
-        """What a calibration says."""
-        if not hot_end.contracted_resistance or not isfinite(hot_end.contracted_temperature):
-            return NOT_SEEN
-        return cls(max(hot_end.contracted_resistance), hot_end.contracted_temperature)
-
-
-#: Of a wire that nobody has seen contracted.
-NOT_SEEN = Contracted()
-
-
-@jit
-def coldest_contracted_C(resistance_Ohm: float, contracted_Ohm: float, contracted_C: float) -> float:
-    """The least temperature at which a contracted wire shows a resistance [°C], that showed ``contracted_Ohm`` at
-    ``contracted_C``; −∞ where it shows so much at any."""
-    if not resistance_Ohm > contracted_Ohm:
-        return -inf
-    return contracted_C + (resistance_Ohm / contracted_Ohm - 1.0) / MOST_SLOPE_1_K
+def most_contracted_Ohm(hot_end: HotEndSection, temperature_C: float) -> float:
+    """The most resistance that a contracted wire shows up to a temperature, whatever its load; ∞ where nobody knows."""
+    if not hot_end.contracted_resistance or not math.isfinite(hot_end.contracted_temperature):
+        return math.inf
+    hotter_K = max(temperature_C - hot_end.contracted_temperature, 0.0)
+    return max(hot_end.contracted_resistance) * (1.0 + MOST_SLOPE_1_K * hotter_K)
 
 
 def returns_at_C(calibration: Calibration, parameters: ThermalParameters, stress_Pa: float) -> float:
@@ -341,7 +317,7 @@ def _heat_step(
     resistance_Ohm: float,
     load_N: float,
     contracted_Ohm: float,
-    contracted_C: float,
+    just_contracted_Ohm: float,
     wire_W: float,
     transforms_C: float,
     capacity_J_K: float,
@@ -350,46 +326,31 @@ def _heat_step(
     transformed_C: float,
     max_C: float,
     coldest_C: float,
-) -> tuple[float, float, float, bool, float]:
+) -> tuple[float, float, float, bool, float, float]:
     """See :meth:`WireHeat.step`."""
     likely_C = _after_C(likely_C, power_W, dt_s, ambient_C, capacity_J_K, loss_W_K)
     guessed_K *= exp(-max(dt_s, 0.0) * loss_W_K / capacity_J_K)
+    if state[_BY_ITSELF + _SHOWN_Ohm] > just_contracted_Ohm:
+        margin = min(margin, NOT_CONTRACTED_MARGIN)
     at_most_C = _after_C(most_C, power_W, dt_s, ambient_C, capacity_J_K, loss_W_K / margin)
-    shown_C = hottest_C(
-        state,
-        _BY_ITSELF,
-        resistance_Ohm,
-        load_N,
-        dt_s,
-        at_most_C,
-        transformed_C,
-        contracted_Ohm,
-        contracted_C,
-        at_most_C,
-        transformed_C,
-    )
+    shown_C = hottest_C(state, _BY_ITSELF, resistance_Ohm, load_N, dt_s, at_most_C, transformed_C, contracted_Ohm)
     # Where the heat balance calls it hotter than it is known to transform at, one of them errs: the hotter counts.
     own_C = min(transformed_C, max(transforms_C, likely_C))
-    own_C = hottest_C(
-        state,
-        _BY_ITS_OWN,
-        resistance_Ohm,
-        load_N,
-        dt_s,
-        at_most_C,
-        own_C,
-        contracted_Ohm,
-        contracted_C,
-        max_C,
-        inf,
-    )
+    own_C = hottest_C(state, _BY_ITS_OWN, resistance_Ohm, load_N, dt_s, at_most_C, own_C, contracted_Ohm)
     most_C = min(at_most_C, shown_C, own_C)
     likely_C = min(likely_C, shown_C)
     at_its_limit = most_C > max_C - HEADROOM_K - AT_LIMIT_K and at_most_C < shown_C
     shown_W_K = shown_loss_W_K(state, _SHOWN, wire_W, dt_s, most_C - coldest_C, capacity_J_K, loss_W_K)
     if turned(state, _TURNED, load_N, dt_s) > MOST_TURNS:
         shown_W_K = 0.0
-    return likely_C, most_C, guessed_K, most_C >= transformed_C and (cools or at_its_limit), SUDDENLY * shown_W_K
+    return (
+        likely_C,
+        most_C,
+        guessed_K,
+        most_C >= transformed_C and (cools or at_its_limit),
+        SUDDENLY * shown_W_K,
+        margin,
+    )
 
 
 class WireHeat:
@@ -410,6 +371,7 @@ class WireHeat:
         #: How much of ``temperature_C`` is a guess: what the balance began with, as much of it as has not cooled away.
         self.guessed_K = parameters.max_temperature - parameters.ambient_temperature
         self._shown_loss_W_K = 0.0
+        self._margin = parameters.heat_loss_margin  #: by which its loss may be less now
         self._state = floats(_TURNED + TURNED)
         begin_thermometer(self._state, _BY_ITSELF)
         begin_thermometer(self._state, _BY_ITS_OWN)
@@ -422,17 +384,20 @@ class WireHeat:
         parameters: ThermalParameters,
         resistance_Ohm: float = math.nan,
         load_N: float = 0.0,
-        contracted: Contracted = NOT_SEEN,
+        contracted_Ohm: float = math.inf,
+        just_contracted_Ohm: float = math.inf,
         wire_W: float = math.nan,
         transforms_C: float = math.inf,
     ) -> None:
         """Keep both balances, on measured power [W]; resistance [Ω] and load [N] of the same reading, NaN where there
         is none.
 
-        ``contracted``: what it has shown contracted; ``wire_W``: the power without that in its leads;
-        ``transforms_C``: what this wire is known to have at that resistance at the most (:class:`Transforms`).
+        ``contracted_Ohm``, ``just_contracted_Ohm``: the most that a contracted wire shows up to max_temperature and to
+        transformed_temperature (:func:`most_contracted_Ohm`);
+        ``wire_W``: the power without that in its leads; ``transforms_C``: what this wire is known to have at that
+        resistance at the most (:class:`Transforms`).
         """
-        self.temperature_C, self.at_most_C, self.guessed_K, self.cools, self._shown_loss_W_K = _heat_step(
+        self.temperature_C, self.at_most_C, self.guessed_K, self.cools, self._shown_loss_W_K, self._margin = _heat_step(
             self._state,
             self.temperature_C,
             self.at_most_C,
@@ -443,7 +408,8 @@ class WireHeat:
             self.ambient.step(ambient_read_C, dt_s, parameters),
             resistance_Ohm,
             load_N,
-            *contracted,
+            contracted_Ohm,
+            just_contracted_Ohm,
             wire_W,
             transforms_C,
             parameters.heat_capacity,
@@ -459,7 +425,7 @@ class WireHeat:
 
         None in a wire that is let cool.  May be below zero: then the wire is too hot already.
         """
-        return self._power_W(horizon_s, parameters.heat_loss_margin, parameters)
+        return self._power_W(horizon_s, self._margin, parameters)
 
     def power_for_ever_W(self, parameters: ThermalParameters) -> float:
         """Power that may flow on for ever and leave a wire below max_temperature that loses heat_loss /
@@ -467,7 +433,7 @@ class WireHeat:
 
         None in a wire that is let cool.
         """
-        return self._power_W(inf, min(parameters.heat_loss_margin, parameters.unwatched_margin), parameters)
+        return self._power_W(inf, min(self._margin, parameters.unwatched_margin), parameters)
 
     def _power_W(self, horizon_s: float, margin: float, parameters: ThermalParameters) -> float:
         """Until the horizon, by the heat loss of the parameters / margin, or by what the wire has shown to lose.

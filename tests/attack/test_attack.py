@@ -90,6 +90,12 @@ class TestHalfTheHeatLoss:
         heating.judge("covered", heating.driven(heat.LOADS[0], 40.0, "covered"))
         _unbroken(heating.result)
 
+    def test_nor_does_one_that_shows_more_than_that_of_the_calibration(self):
+        """Contracted it shows 4 % more, and 8e-4 a kelvin: as much as the other one cold.  It came to 263 °C."""
+        heating = heat.Heating(heat.UNITS.index(("flexinol", "drawn-5")))
+        heating.judge("held", heating.driven(heat.LOADS[0], 30.0, "held"))
+        _unbroken(heating.result)
+
     def test_and_the_hottest_wire_that_was_measured_contracts_and_is_held(self):
         heating = heat.Heating(heat.UNITS.index(("flexinol", "hot")))
         heating.judge_contraction("the largest load", heating.contracted(Weight(2.84), 110.0))
