@@ -9,6 +9,7 @@ import time
 import pytest
 import yaml
 from answering import Answering, dialect
+from hanging import hanging
 from serial_line import SerialInstrument
 from tcp_line import TcpInstrument
 
@@ -66,19 +67,8 @@ def test_off_is_confirmed_beside_a_session_that_hangs(tmp_path, supply_of, serve
         supply = supply_of(line, dialect(tmp_path, acknowledgement="OK"))
         supply.open()
         supply.set_output(True)
-        held, release = threading.Event(), threading.Event()
-
-        def hang():
-            with supply._session.lock:
-                held.set()
-                release.wait(60.0)
-
-        thread = threading.Thread(target=hang)
-        thread.start()
-        assert held.wait(10.0)
-        assert supply.shut_down()
-        release.set()
-        thread.join(10.0)
+        with hanging(supply._session):
+            assert supply.shut_down()
         assert instrument.settings["OUTP"] == "0"
 
 

@@ -7,6 +7,7 @@ from unittest.mock import Mock
 
 import pytest
 import pyvisa
+from hanging import hanging
 from serial_line import SerialInstrument
 
 from sma_actuator.base.parameters import ConfigError
@@ -82,19 +83,8 @@ def test_a_line_whose_loop_hangs_is_cut_and_off_is_said_and_confirmed_anew(make_
         supply.set_current(0.1)
         supply.set_output(True)
         assert supply.read_back().output_on
-        held, release = threading.Event(), threading.Event()
-
-        def hang():
-            with supply._session.lock:
-                held.set()
-                release.wait(60.0)
-
-        thread = threading.Thread(target=hang)
-        thread.start()
-        assert held.wait(10.0)
-        assert supply.shut_down()
-        release.set()
-        thread.join(10.0)
+        with hanging(supply._session):
+            assert supply.shut_down()
         assert not bench.supply.output_on
         supply.close()
 

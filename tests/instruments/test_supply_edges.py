@@ -4,6 +4,7 @@ import threading
 import time
 
 import pytest
+from hanging import hanging
 from stand_in_server import OPENED, ScpiStandIn
 
 from sma_actuator.config import Config
@@ -332,24 +333,13 @@ def test_a_session_that_hangs_in_another_thread_is_broken_and_a_second_one_speak
     for _ in range(3):
         one.open()
         server.lines.clear()
-        held, release = threading.Event(), threading.Event()
-
-        def hang(held=held, release=release):
-            with one._session.lock:
-                held.set()
-                release.wait(60.0)
-
-        thread = threading.Thread(target=hang)
-        thread.start()
-        assert held.wait(60.0)
-        wire = one._session._stream
-        began_s = time.monotonic()
-        assert one.shut_down()
-        took_s.append(time.monotonic() - began_s)
-        with pytest.raises(OSError):
-            wire.receive(time.monotonic() + 60.0)  # both directions are ended
-        release.set()
-        thread.join(60.0)
+        with hanging(one._session):
+            wire = one._session._stream
+            began_s = time.monotonic()
+            assert one.shut_down()
+            took_s.append(time.monotonic() - began_s)
+            with pytest.raises(OSError):
+                wire.receive(time.monotonic() + 60.0)  # both directions are ended
         assert server.heard("OUTP OFF", times=3), "blind, on the one that hangs, and twice on the other"
         assert (server.lines.count("SYST:LOC"), server.lines.count(":OUTP?")) == (1, 1)
     assert min(took_s) < 0.5

@@ -11,6 +11,7 @@ import time
 import pytest
 import pyvisa
 import yaml
+from hanging import hanging
 from hypothesis import given
 from hypothesis import strategies as st
 from stand_in_server import READ_BACK, SUPPLY, ScpiStandIn
@@ -130,21 +131,9 @@ def locked(make_config):
 
 def test_shut_down_switches_a_locked_supply_off_though_its_session_hangs_in_another_thread(locked):
     virtual, supply = locked
-    held, release = threading.Event(), threading.Event()
-
-    def hang():
-        with supply._session.lock:
-            held.set()
-            release.wait(10.0)
-
-    thread = threading.Thread(target=hang)
-    thread.start()
-    assert held.wait(10.0)
-    supply.shut_down()
-    on, setting_A = virtual.supply.output_on, virtual.supply.current_A
-    release.set()
-    thread.join(10.0)
-    assert (on, setting_A) == (False, 0.0)
+    with hanging(supply._session):
+        supply.shut_down()
+        assert (virtual.supply.output_on, virtual.supply.current_A) == (False, 0.0)
 
 
 def test_shut_down_says_so_where_the_output_stays_on(stand_in, make_config, caplog):
