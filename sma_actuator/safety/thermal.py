@@ -35,6 +35,9 @@ HEADROOM_K = 5.0
 LEAST_SLOPE_1_K, MOST_SLOPE_1_K = 2e-4, 1e-3
 #: So near to the hottest that is aimed at, the balance has come to its limit.
 AT_LIMIT_K = 1.0
+#: Contracting takes a tenth or more off a wire's resistance: one that shows more than this share less than it has shown
+#: may have contracted, whatever its calibration says.
+FALLS = 0.05
 #: Time over which a resistance is averaged, and from which on one is of another time.
 SMOOTH_s, LONG_AGO_s = 0.2, 1.0
 #: Share by which a load changes from one reading to the next where it is another one.
@@ -142,9 +145,9 @@ class Ambient:
 
 
 #: What a thermometer remembers: the resistance, smooth, and the load of then; how long ago that is; the least
-#: resistance since the wire was certainly not hotter than it transforms at.
-_SHOWN_Ohm, _LOAD_N, _GAP_s, _LEAST_Ohm = range(4)
-THERMOMETER = 4
+#: resistance since the wire was certainly not hotter than it transforms at, and the most since it was first measured.
+_SHOWN_Ohm, _LOAD_N, _GAP_s, _LEAST_Ohm, _MOST_Ohm = range(5)
+THERMOMETER = 5
 
 
 @jit
@@ -166,25 +169,28 @@ def hottest_C(
     by what that makes of its austenite's resistance.  Both are counted as the second.
 
     ``at_most_C``: what was known before.  Resistance that comes with another load says nothing of heat.  A wire
-    that has contracted shows no more than ``contracted_Ohm``, however hot it may be.  What is remembered begins at the
-    ``first`` of ``state`` (:func:`begin_thermometer`).
+    that has contracted shows no more than ``contracted_Ohm``, however hot it may be; another one in its place may, but
+    not nearly as much as itself before.  What is remembered begins at the ``first`` of ``state``
+    (:func:`begin_thermometer`).
     """
     gap_s = state[first + _GAP_s] + dt_s
     if not isfinite(resistance_Ohm):
         state[first + _GAP_s] = gap_s
         return inf
     shown_Ohm, least_Ohm, was_N = state[first + _SHOWN_Ohm], state[first + _LEAST_Ohm], state[first + _LOAD_N]
+    most_Ohm = state[first + _MOST_Ohm]
     if not (isfinite(shown_Ohm) and gap_s < LONG_AGO_s):
-        shown_Ohm, least_Ohm = resistance_Ohm, nan
+        shown_Ohm, least_Ohm, most_Ohm = resistance_Ohm, nan, max(most_Ohm, resistance_Ohm)
     elif _is_other(load_N, was_N):
         least_Ohm += resistance_Ohm - shown_Ohm
         shown_Ohm = resistance_Ohm
     shown_Ohm -= expm1(-gap_s / SMOOTH_s) * (resistance_Ohm - shown_Ohm)
-    if at_most_C < transformed_C or shown_Ohm > contracted_Ohm:
+    most_Ohm = max(most_Ohm, shown_Ohm)
+    if at_most_C < transformed_C or shown_Ohm > max(contracted_Ohm, (1.0 - FALLS) * most_Ohm):
         least_Ohm = shown_Ohm
     least_Ohm = min(least_Ohm, shown_Ohm)
     state[first + _SHOWN_Ohm], state[first + _LOAD_N] = shown_Ohm, load_N
-    state[first + _GAP_s], state[first + _LEAST_Ohm] = 0.0, least_Ohm
+    state[first + _GAP_s], state[first + _LEAST_Ohm], state[first + _MOST_Ohm] = 0.0, least_Ohm, most_Ohm
     if not least_Ohm > 0.0:  # not known; or of no wire, as where the leads alone are measured
         return inf
     return transformed_C + (shown_Ohm - least_Ohm) / (LEAST_SLOPE_1_K * least_Ohm)
@@ -200,6 +206,7 @@ def begin_thermometer(state: Floats, first: int) -> None:
     """Nothing is known yet."""
     for each in (_SHOWN_Ohm, _LOAD_N, _LEAST_Ohm):
         state[first + each] = nan
+    state[first + _MOST_Ohm] = 0.0
 
 
 def most_contracted_Ohm(hot_end: HotEndSection, temperature_C: float) -> float:

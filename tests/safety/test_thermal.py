@@ -236,6 +236,14 @@ class TestThermometer:
         assert shown_C(4.8, contracted_Ohm=4.9) == pytest.approx(150.0)
         assert shown_C(4.85, contracted_Ohm=4.9) > 195.0
 
+    def test_but_is_where_it_has_shown_much_more_before(self, shown_C):
+        """A thinner wire in the place of the calibrated one, which contracts from 5.5 to 5.0 Ω."""
+        shown_C(5.5, at_most_C=100.0)
+        shown_C(5.0, contracted_Ohm=4.9)
+        assert shown_C(5.1, contracted_Ohm=4.9) > 195.0
+        assert shown_C(5.1, contracted_Ohm=4.9, load_N=2.0, seconds=10.0) > 195.0
+        assert shown_C(5.3, contracted_Ohm=4.9) == pytest.approx(150.0)  # and transforms again
+
     def test_another_load_makes_no_heat(self, shown_C):
         shown_C(5.0, at_most_C=100.0)
         shown_C(4.5)
