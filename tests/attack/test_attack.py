@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import pytest
 
@@ -10,6 +11,7 @@ from attack.promises import Promises, read_table
 from attack.proxy import Mischief
 from attack.result import Result
 from sma_actuator.base.share import shared_file
+from sma_actuator.bench.bench import VirtualBench
 from sma_actuator.config import copy_tables
 from sma_actuator.plant.loads import Weight
 from sma_actuator.safety.reach import Reach
@@ -94,6 +96,17 @@ class TestHalfTheHeatLoss:
         """Contracted it shows 4 % more, and 8e-4 a kelvin: as much as the other one cold.  It came to 263 °C."""
         heating = heat.Heating(heat.UNITS.index(("flexinol", "drawn-5")))
         heating.judge("held", heating.driven(heat.LOADS[0], 30.0, "held"))
+        _unbroken(heating.result)
+
+    def test_nor_does_one_that_is_thinner_than_the_calibrated_one(self):
+        """It shows a tenth more, contracted as cold, and came to 409 °C."""
+        heating = heat.Heating(self.WORST)
+        setup = heating._bench(heat.LOADS[0], 1.0).setup
+        thinner = replace(setup, wire=replace(setup.wire, diameter_m=0.95 * setup.wire.diameter_m))
+        bench = VirtualBench(thinner, seed=1)
+        bench.inject("draught", heating.heat_loss)
+        heating._bench = lambda *_: bench
+        heating.judge("held", heating.driven(heat.LOADS[0], 20.0, "held"))
         _unbroken(heating.result)
 
     def test_and_the_hottest_wire_that_was_measured_contracts_and_is_held(self):
