@@ -1,5 +1,6 @@
 """By the bench's truth no wire gets hotter than ``thermal.max_temperature``, whatever is believed of its heat loss."""
 
+import itertools
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -161,9 +162,17 @@ def fine(alloy, diameter_m, watchdog_s, ambient_C):
     return characterise.Rig(config, supply, daq, VirtualClock(bench)), bench
 
 
-@pytest.mark.parametrize("alloy", WIRES)
-@pytest.mark.parametrize("diameter_m", [25e-6, 50e-6])
-@pytest.mark.parametrize("watchdog_s", [0.0, 1.0])
+#: Each with each of the others' once in the quick tests.
+FINE = {("flexinol", 25e-6, 0.0), ("flexinol", 50e-6, 1.0), ("furukawa", 25e-6, 1.0), ("furukawa", 50e-6, 0.0)}
+
+
+@pytest.mark.parametrize(
+    "alloy, diameter_m, watchdog_s",
+    [
+        pytest.param(*each, marks=() if each in FINE else pytest.mark.long)
+        for each in itertools.product(WIRES, (25e-6, 50e-6), (0.0, 1.0))
+    ],
+)
 def test_a_fine_wire_of_which_nothing_is_known_contracts_in_a_cool_room_and_is_safe_at_half_the_loss(
     alloy, diameter_m, watchdog_s
 ):

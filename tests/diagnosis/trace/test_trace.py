@@ -387,11 +387,9 @@ def test_a_candidate_goes_through_the_whole_recursion_as_in_the_node(clean, conf
     predictions = clean.predict({name: effect})
     chain = Chain(config, {name: effect})
     for trace_, p in zip(clean.logs.experiments, predictions, strict=True):
-        live = []
-        for i in range(len(trace_.log)):
-            values = {f.name: getattr(trace_.signals, f.name) for f in dataclasses.fields(Signals)}
-            sample = {name: float(v[i]) if np.ndim(v) else v for name, v in values.items()}
-            live.append(chain.step(Signals(**sample))[1].displacement_m)
+        columns = (getattr(trace_.signals, f.name) for f in dataclasses.fields(Signals))
+        samples = zip(*(np.broadcast_to(column, len(trace_.log)).tolist() for column in columns), strict=True)
+        live = [chain.step(Signals(*sample))[1].displacement_m for sample in samples]
         if EFFECTS[name].PART == "reference":
             np.testing.assert_array_equal(p.model_m, live)
         else:
