@@ -18,7 +18,9 @@ from typing import NamedTuple
 from sma_actuator.base.balance import Balance, gains
 from sma_actuator.base.calibration import Calibration
 from sma_actuator.base.jit import Floats, jit
-from sma_actuator.base.lookup import looked_up, row_of
+from sma_actuator.base.lookup import row_of
+
+from .transformed import share_and_heating_C
 
 #: Time without motion that counts, and the same in the wire's thermal time constants: the longer of the two.
 PATIENCE_s, PATIENCE_TIMES = 0.8, 0.3
@@ -62,16 +64,8 @@ class Places:
         """What heat the wire takes to be at a position; None where the calibration does not say."""
         if self._row is None:
             return None
-        share, heating_C = _share_and_heating_C(self._row, position_m, stress_Pa, self._shift_K_Pa)
+        share, heating_C = share_and_heating_C(self._row, position_m, stress_Pa, self._shift_K_Pa)
         return Needed(share, loss_W_K * (heating_C - ambient_C), loss_W_K * BEYOND_K, loss_W_K * self._latent_K)
-
-
-@jit
-def _share_and_heating_C(row: Floats, position_m: float, stress_Pa: float, shift_K_Pa: float) -> tuple[float, float]:
-    """Share of the stroke at a stress, and the temperature of a heating wire there."""
-    hot_m, cold_m = looked_up(row, 0, stress_Pa), looked_up(row, 1, stress_Pa)
-    share = (position_m - hot_m) / (cold_m - hot_m)
-    return share, looked_up(row, 2, share) + shift_K_Pa * stress_Pa
 
 
 class Reach:

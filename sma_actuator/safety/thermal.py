@@ -25,8 +25,10 @@ from math import exp, expm1, inf, isfinite, nan
 
 from sma_actuator.base.calibration import Calibration, HotEndSection
 from sma_actuator.base.jit import Floats, floats, jit
-from sma_actuator.base.lookup import looked_up, row_of
+from sma_actuator.base.lookup import row_of
 from sma_actuator.base.sections import ThermalParameters
+
+from .transformed import share_and_heating_C
 
 #: The hottest that a wire may be is aimed at with this distance, for noise and a resistance that rises.
 HEADROOM_K = 5.0
@@ -248,11 +250,7 @@ class Transforms:
 @jit
 def _transforms_at_C(row: Floats, resistance_Ohm: float, stress_Pa: float, shift_K_Pa: float, then_C: float) -> float:
     """See :meth:`Transforms.at_C`."""
-    hot_Ohm, cold_Ohm = looked_up(row, 0, stress_Pa), looked_up(row, 1, stress_Pa)
-    if not hot_Ohm < cold_Ohm:
-        return inf
-    share = (resistance_Ohm - hot_Ohm) / (cold_Ohm - hot_Ohm)
-    by_balance_C = looked_up(row, 2, share) + shift_K_Pa * stress_Pa  # beyond the ends as at them
+    _, by_balance_C = share_and_heating_C(row, resistance_Ohm, stress_Pa, shift_K_Pa)
     highest_C = then_C + CAPACITY_WITHIN * (by_balance_C - then_C)
     return highest_C if isfinite(highest_C) else inf
 
