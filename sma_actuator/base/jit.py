@@ -12,6 +12,7 @@ else in one of the user's own below the system's temporary folder.  Who cannot w
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import logging
 import os
 import stat
@@ -128,10 +129,27 @@ try:
 
     def _kernel(function: Kernel, **how: bool) -> Kernel:
         try:
-            return _hurried(njit(cache=True, **_ALL, **how)(function))
+            kernel = njit(cache=True, **_ALL, **how)(function)
         except RuntimeError:  # of all places that numba knows none can be written
             numba.config.CACHE_DIR = _last_resort()
-            return _hurried(njit(cache=bool(numba.config.CACHE_DIR), **_ALL, **how)(function))
+            kernel = njit(cache=bool(numba.config.CACHE_DIR), **_ALL, **how)(function)
+        return _hurried(_fresh(kernel))
+
+    def _fresh(kernel: Any) -> Any:
+        """Have it compiled anew where a kernel that it calls, or a number that it uses, has changed in another file
+        too: numba looks at its own file alone."""
+        kept = getattr(getattr(kernel, "_cache", None), "_cache_file", None)
+        if kept is not None:
+            used = ((name, kernel.py_func.__globals__.get(name)) for name in sorted(kernel.py_func.__code__.co_names))
+            rest = repr([(name, _stamp(value)) for name, value in used])
+            kept._source_stamp = (*kept._source_stamp, hashlib.sha256(rest.encode()).hexdigest())
+        return kernel
+
+    def _stamp(value: Any) -> Any:
+        cache = getattr(value, "_cache", None)
+        if isinstance(value, (bool, int, float, str, tuple)):
+            return value
+        return getattr(getattr(cache, "_cache_file", None), "_source_stamp", None)
 
     def jit(function: Kernel) -> Kernel:
         """Compile ``function`` to machine code and keep it in the on-disk cache.

@@ -167,3 +167,31 @@ def test_no_step_of_a_loop_reaches_a_kernel_that_was_not_run_before_it_began(mod
     done = subprocess.run([sys.executable, "-c", _DRIVEN, file], capture_output=True, text=True, timeout=300.0)
     assert done.returncode == 0, done.stderr
     assert PLAIN not in done.stderr, done.stderr
+
+
+_INNER = "from sma_actuator.base.jit import jit\nLARGE = {large}\n@jit\ndef inner(x):\n    return x + {more}\n"
+_OUTER = """
+from inner import LARGE, inner
+from sma_actuator.base.jit import jit
+@jit
+def outer(x):
+    return LARGE * inner(x)
+if __name__ == "__main__":
+    print(outer(1.0), sum(outer.stats.cache_hits.values()))
+"""
+
+
+@pytest.mark.parametrize(("changed", "gives"), [({}, "22.0 1"), ({"large": 3.0}, "6.0 0"), ({"more": 2.0}, "33.0 0")])
+def test_a_kernel_is_compiled_anew_where_one_or_a_number_of_another_file_has_changed(tmp_path, changed, gives):
+    """As after an upgrade that touched only that file."""
+    (tmp_path / "outer.py").write_text(_OUTER)
+    env = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kept"), "PYTHONDONTWRITEBYTECODE": "1"}
+    said, before = [], {"large": 11.0, "more": 1.0}
+    for values in (before, before | changed):
+        if not said or changed:
+            (tmp_path / "inner.py").write_text(_INNER.format(**values))
+        done = subprocess.run(
+            [sys.executable, "outer.py"], cwd=tmp_path, env=env, capture_output=True, text=True, timeout=150.0
+        )
+        said.append(done.stdout.strip())
+    assert said == ["22.0 0", gives], done.stderr
