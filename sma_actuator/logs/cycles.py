@@ -1,7 +1,9 @@
 """The cycles of a log and which of them are full: one judgement, for ``identify`` as for ``check-log``.
 
 A cycle begins when the current is switched on, which is when it leaves the low end of its range and then passes the
-middle.  It is full where the wire rests at both ends of it and no cycle of that load goes further.
+middle.  It is full where the wire rests at both ends of it and no cycle of that load goes further.  How far it goes is
+what the wire goes both there and back: where it begins as long as a heavier load has left it, it does not come back to,
+and where it is switched off for a moment it has hardly set out.
 """
 
 from __future__ import annotations
@@ -72,9 +74,9 @@ def _cycle(displacement: np.ndarray, driven: np.ndarray, start: int, stop: int) 
     moved, on = displacement[start:stop], driven[start:stop]
     off = int(np.argmin(on)) or len(on)  # a cycle begins driven
     hot, cold = moved[:off], moved[off:]
-    stroke = float(np.ptp(moved))
     if len(cold) == 0:
-        return Cycle(start, stop, stroke, rests_hot=False, rests_cold=False, heated=0)
+        return Cycle(start, stop, float(np.ptp(moved)), rests_hot=False, rests_cold=False, heated=0)
+    stroke = float(min(hot.max(), cold.max()) - moved.min())
     near = _AT_REST * stroke
     return Cycle(
         start,
@@ -82,7 +84,7 @@ def _cycle(displacement: np.ndarray, driven: np.ndarray, start: int, stop: int) 
         stroke,
         rests_hot=bool(np.percentile(hot, 100.0 * HOT_PART) - hot.min() <= near),
         rests_cold=bool(cold.max() - np.percentile(cold, 100.0 * (1.0 - _COLD_PART)) <= near),
-        heated=int(np.count_nonzero(np.abs(hot - 0.5 * (moved.min() + moved.max())) < 0.25 * stroke)),
+        heated=int(np.count_nonzero(np.abs(hot - moved.min() - 0.5 * stroke) < 0.25 * stroke)),
     )
 
 

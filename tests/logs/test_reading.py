@@ -51,6 +51,25 @@ def test_thirty_pulses_are_thirty_full_cycles_for_check_log_too(noise):
     assert finding.met and int(finding.found.split()[0]) >= 27
 
 
+@pytest.mark.parametrize(("begins_m", "first"), [(0.008, True), (0.0042, True), (0.0025, False)])
+def test_how_long_an_earlier_load_left_the_wire_makes_no_other_cycle_partial(begins_m, first):
+    log = pulses(6)
+    driven, displacement_m = is_driven(log["current_A"]), log["displacement_m"].copy()
+    number = cycle_numbers(driven)
+    left = np.minimum.accumulate(np.clip((displacement_m - displacement_m.min()) / np.ptp(displacement_m), 0.0, 1.0))
+    cycles = cycles_of(displacement_m + left * (begins_m - 0.004), driven, number)
+    assert which_are_full([cycles], [1.0])[0].tolist() == [first, *[True] * 4, False], "the log ends before the sixth"
+
+
+def test_a_wire_that_is_switched_off_for_a_moment_has_not_gone_a_full_cycle():
+    log = pulses(6)
+    driven = is_driven(log["current_A"])
+    at = int(np.flatnonzero(driven)[0]) + 100
+    driven[at : at + 2] = False
+    cycles = cycles_of(log["displacement_m"], driven, cycle_numbers(driven))
+    assert which_are_full([cycles], [1.0])[0].tolist() == [False, False, *[True] * 4, False]
+
+
 def test_a_log_in_which_some_cycles_are_partial_now_and_then_is_one_of_full_cycles(config):
     from sma_actuator.logs.kinds import FULL, make_experiments
 
