@@ -35,8 +35,12 @@ PLAY = 0.01
 COLD_K = 20.0
 #: No wire is so much shorter than its stroke that has cooled under no load at all: one that seems so is warm.
 SHORTEST = 0.3
-#: How well a length is followed, and how well resistance tells it: in other physics to a tenth.
-FOLLOWED_WITHIN, TOLD_WITHIN = 0.1, 0.25
+#: How well a length is followed, and how well resistance tells it: under springs, in other physics, to a tenth or a
+#: fifth.
+WITHIN = 0.25
+#: Share of its stroke by which a wire that remembers may begin longer or shorter though its resistance is as usual:
+#: under springs, in other physics, 1.5 to 5.
+USUALLY = 0.03
 #: Share by which the resistance of a wire differs that is plugged in again: 5 to 10 mΩ of contacts, of some ohms.
 CONTACTS = 0.002
 #: What is known of the wire: Ω per m; how far off, rms, the resistance of a cold wire is, and a single reading of it
@@ -94,7 +98,7 @@ def longer_m(stress_Pa: float, ends: np.ndarray, known: np.ndarray, state: Float
 @jit
 def unsure_m(stress_Pa: float, ends: np.ndarray, known: np.ndarray, state: Floats) -> float:
     """How far off that may be, half of a 95 % interval."""
-    return state[_UNSURE_m] + FOLLOWED_WITHIN * abs(longer_m(stress_Pa, ends, known, state))
+    return state[_UNSURE_m] + WITHIN * abs(longer_m(stress_Pa, ends, known, state))
 
 
 @jit
@@ -130,12 +134,14 @@ def tell(
     state[_MORE_Ohm] += (resistance_Ohm - usual_Ohm - state[_MORE_Ohm]) / state[_READINGS]
     measured = sqrt(known[SCATTER_Ohm] ** 2 + known[READING_Ohm] ** 2 / state[_READINGS]) / known[OHM_PER_m]
     contacts = CONTACTS * usual_Ohm / known[OHM_PER_m]
-    # What is no more than it may be otherwise off is nothing.
-    found = state[_MORE_Ohm] / known[OHM_PER_m]
+    found, stroke = state[_MORE_Ohm] / known[OHM_PER_m], stroke_m(stress_Pa, ends)
+    # What is no more than it may be otherwise off is nothing, or as much as such a wire usually is.
     square = measured**2 + contacts**2
-    share = 1.0 - square / max(square, found**2)
-    begin(1.0, max(share * found, (SHORTEST - 1.0) * stroke_m(stress_Pa, ends)), stress_Pa, ends, state)
-    state[_UNSURE_m] = 2.0 * measured + share * (2.0 * contacts + TOLD_WITHIN * abs(found))
+    more = max(found**2 - square, 0.0)
+    share = more / (square + more)
+    begin(1.0, max(share * found, (SHORTEST - 1.0) * stroke), stress_Pa, ends, state)
+    more = max(more, (USUALLY * stroke * max(known[STAYS], 1.0 - known[TURNED])) ** 2)
+    state[_UNSURE_m] = 2.0 * sqrt(square * more / (square + more)) + share * WITHIN * abs(found)
 
 
 @jit

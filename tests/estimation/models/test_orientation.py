@@ -12,7 +12,8 @@ from sma_actuator.estimation.models.orientation import (
     CONTACTS,
     PLAY,
     SHORTEST,
-    TOLD_WITHIN,
+    USUALLY,
+    WITHIN,
     begin,
     follow,
     longer_all_m,
@@ -98,7 +99,7 @@ class TestTheColdWireAsAStrainGauge:
         for _ in range(20):
             tell(5.1 + PER_m * off_m, LIGHT_Pa, USUAL, ENDS, known, state)
         assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(off_m, rel=0.06)
-        assert unsure_m(LIGHT_Pa, ENDS, known, state) > TOLD_WITHIN * abs(off_m) + 1.8 * CONTACTS * 5.1 / PER_m
+        assert unsure_m(LIGHT_Pa, ENDS, known, state) > WITHIN * abs(off_m) + 1.8 * CONTACTS * 5.1 / PER_m
         assert told(state)
 
     @pytest.mark.parametrize("share", [-1.0, 0.5, 1.0])
@@ -109,15 +110,27 @@ class TestTheColdWireAsAStrainGauge:
 
     def test_readings_are_averaged_and_what_is_no_more_than_their_scatter_is_nothing(self):
         rng = np.random.default_rng(1)
-        state, known = nothing_known(), wire()
-        tell(5.1 + READING_Ohm, LIGHT_Pa, USUAL, ENDS, known, state)
-        assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(0.0, abs=1e-9)
-        unsure_once_m = unsure_m(LIGHT_Pa, ENDS, known, state)
-        assert unsure_once_m == pytest.approx(2.0 * sqrt(SCATTER_Ohm**2 + READING_Ohm**2) / PER_m, rel=0.1)
+        state, known = nothing_known(), wire(stays=0.0)
+        tell(5.1 + 3.5 * READING_Ohm, LIGHT_Pa, USUAL, ENDS, known, state)
+        once_m, unsure_once_m = longer_m(LIGHT_Pa, ENDS, known, state), unsure_m(LIGHT_Pa, ENDS, known, state)
+        assert once_m > 1e-5
         for _ in range(400):
             tell(5.1 + rng.normal(0.0, READING_Ohm), LIGHT_Pa, USUAL, ENDS, known, state)
         assert abs(longer_m(LIGHT_Pa, ENDS, known, state)) < SCATTER_Ohm / PER_m
         assert unsure_m(LIGHT_Pa, ENDS, known, state) < 0.5 * unsure_once_m
+
+    def test_a_wire_that_remembers_may_be_longer_though_its_resistance_does_not_say_so(self):
+        for known, least_m in (
+            (wire(stays=0.0), 0.0),
+            (wire(), USUALLY * LIGHT_m),
+            (wire(0.0, 0.8), 0.2 * USUALLY * LIGHT_m),
+        ):
+            state = nothing_known()
+            tell(5.1, LIGHT_Pa, USUAL, ENDS, known, state)
+            square = (SCATTER_Ohm**2 + READING_Ohm**2 + (CONTACTS * 5.1) ** 2) / PER_m**2
+            assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(0.0, abs=1e-9)
+            half_m = 2.0 * least_m / sqrt(1.0 + least_m**2 / square)
+            assert unsure_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(half_m, abs=1e-9)
 
     def test_a_wire_that_seems_shorter_than_any_is_warm(self):
         state, known = nothing_known(), wire()
