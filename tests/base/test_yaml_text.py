@@ -41,7 +41,8 @@ def test_numbers_are_read_as_ros_reads_them():
         ("a: 1\n'a': 2\n", "file.yaml: line 2: 'a' stands here twice, first in line 1"),
         (_BOMB, "file.yaml: line 2: an alias"),
         ("a: &a [*a]", "file.yaml: line 1: an alias"),
-        ("[" * 100_000, f"file.yaml: line 1: nested more than {DEEPEST_LEVEL} levels deep"),
+        ("[" * 900, f"file.yaml: line 1: nested more than {DEEPEST_LEVEL} levels deep"),
+        ("[" * 100_000, "file.yaml: line 1: "),  # a newer libyaml reads ahead, and has a bound of its own at 1000
         ("{a: " * 300, "levels deep"),
         ("\na: " + "9" * 5000, "file.yaml: line 2: a number or date that cannot be read"),
         ("a: 2001-13-45", "file.yaml: line 1: a number or date that cannot be read"),
