@@ -49,17 +49,27 @@ def test_a_wire_that_follows_its_load_at_once_shows_nothing_of_other_loads(confi
 @pytest.mark.parametrize("turned", [0.6, 0.9])
 def test_one_that_a_heavier_load_turns_not_wholly_is_shorter_there_until_it_is_heated(turned, config):
     short_m = HOT_m + turned * (cold_m(1.0) - HOT_m)
-    known = cold_wire([pulses(0.5), pulses(1.0, short_m), pulses(2.0)], config, ENDS_m).known
+    known = cold_wire([pulses(0.5, left_m(1.0, config)), pulses(1.0, short_m), pulses(2.0)], config, ENDS_m).known
     assert known[TURNED] == pytest.approx(turned, abs=0.01)
 
 
-@pytest.mark.parametrize("stays", [0.3, 1.0])
-def test_what_stays_is_what_the_load_before_has_made_of_it_but_for_elasticity(stays, config):
+def left_m(stays, config):
+    """Where it begins under 0.5 N if so much stays of what 2 N have made it longer."""
     elastic_m = 75e6 / MODULUS_Pa * config.wire.strain_length_m
-    long_m = cold_m(0.5) + stays * (cold_m(2.0) - cold_m(0.5) - elastic_m)
+    return cold_m(0.5) + stays * (cold_m(2.0) - cold_m(0.5) - elastic_m)
+
+
+@pytest.mark.parametrize("stays", [0.6, 1.0])
+def test_what_stays_is_what_the_load_before_has_made_of_it_but_for_elasticity(stays, config):
+    long_m = left_m(stays, config)
     first = cold_wire([pulses(0.5, long_m), pulses(2.0)], config, ENDS_m).known
     after = cold_wire([pulses(2.0), pulses(0.5, long_m)], config, ENDS_m).known
     assert first[STAYS] == pytest.approx(after[STAYS], abs=0.01) == pytest.approx(stays, abs=0.01)
+
+
+def test_a_little_that_is_left_is_no_memory_of_a_load(config):
+    logs = [pulses(0.5, left_m(0.3, config)), pulses(1.0, HOT_m + 0.9 * (cold_m(1.0) - HOT_m)), pulses(2.0)]
+    assert cold_wire(logs, config, ENDS_m).other_loads == ()
 
 
 def test_its_gauge_is_that_of_a_drawn_conductor_until_logs_say_otherwise(config):

@@ -22,9 +22,11 @@ from sma_actuator.logs.experiments import Experiment
 PER_STRAIN, WITHIN, LEAST = 1.8, 0.5, 0.5
 #: Readings at a log's beginning that are averaged.
 BEGINNING = 3
-#: From that share on cold martensite that is loaded is as long as if it had formed there; and up to that share nothing
-#: stays where the load becomes less.
-WHOLLY, NOTHING = 0.97, 0.05
+#: From that share on cold martensite that is loaded is as long as if it had formed there.
+WHOLLY = 0.97
+#: A wire that remembers keeps at least so much of what a heavier load made it longer: 0.9 to 1 in four physics.  What
+#: is left in others, up to 0.2, is of another kind: a rest of austenite, a length that training leaves.
+MOSTLY = 0.5
 #: Share of the stroke by which another load makes it longer or shorter.
 ANOTHER = 0.05
 #: Of martensite, 20 to 40: what a load that changes makes of its length at once is no orientation.
@@ -69,11 +71,10 @@ def cold_wire(experiments: Sequence[Experiment], config, ends_m: np.ndarray) -> 
     per_m = (float(more_Ohm @ longer_m) + weight * prior) / (float(longer_m @ longer_m) + weight)
     stays = max((share for *_, share, heavier in found if heavier is False), default=0.0)
     turned = min((share for *_, share, heavier in found if heavier), default=1.0)
-    # Where nothing stays and all is turned, the wire may have hung on that very load before.
-    shown = stays > NOTHING or turned < WHOLLY
+    # Where nothing stays the wire may have hung on that very load before.
     return ColdWire(
         (max(per_m, LEAST * prior), scatter_Ohm, reading_Ohm),
-        (min(stays, 1.0) if stays > NOTHING else 0.0, turned if turned < WHOLLY else 1.0) if shown else (),
+        (min(stays, 1.0), turned if turned < WHOLLY else 1.0) if stays >= MOSTLY else (),
         rest.cold_stress,
         rest.cold_resistance,
     )
