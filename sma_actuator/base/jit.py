@@ -20,6 +20,7 @@ import sys
 import tempfile
 import threading
 import time
+import types
 from collections.abc import Callable, Iterator, MutableSequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -140,16 +141,17 @@ try:
         too: numba looks at its own file alone."""
         kept = getattr(getattr(kernel, "_cache", None), "_cache_file", None)
         if kept is not None:
-            used = ((name, kernel.py_func.__globals__.get(name)) for name in sorted(kernel.py_func.__code__.co_names))
-            rest = repr([(name, _stamp(value)) for name, value in used])
-            kept._source_stamp = (*kept._source_stamp, hashlib.sha256(rest.encode()).hexdigest())
+            names, own = sorted(kernel.py_func.__code__.co_names), kernel.py_func.__globals__
+            # What is called by the name of its module stands there.
+            places = [own, *(vars(own[name]) for name in names if isinstance(own.get(name), types.ModuleType))]
+            used = [(name, _stamp(place[name])) for place in places for name in names if name in place]
+            kept._source_stamp = (kept._source_stamp, hashlib.sha256(repr(used).encode()).hexdigest())
         return kernel
 
     def _stamp(value: Any) -> Any:
-        cache = getattr(value, "_cache", None)
         if isinstance(value, (bool, int, float, str, tuple)):
             return value
-        return getattr(getattr(cache, "_cache_file", None), "_source_stamp", None)
+        return getattr(getattr(getattr(value, "_cache", None), "_cache_file", None), "_source_stamp", None)
 
     def jit(function: Kernel) -> Kernel:
         """Compile ``function`` to machine code and keep it in the on-disk cache.

@@ -170,21 +170,25 @@ def test_no_step_of_a_loop_reaches_a_kernel_that_was_not_run_before_it_began(mod
 
 
 _INNER = "from sma_actuator.base.jit import jit\nLARGE = {large}\n@jit\ndef inner(x):\n    return x + {more}\n"
-_OUTER = """
-from inner import LARGE, inner
+_BY_NAME = "from inner import LARGE, inner\n", "LARGE * inner(x)"
+_BY_MODULE = "import inner\n", "inner.LARGE * inner.inner(x)"
+_OUTER = """{imports}
 from sma_actuator.base.jit import jit
 @jit
 def outer(x):
-    return LARGE * inner(x)
+    return {product}
 if __name__ == "__main__":
     print(outer(1.0), sum(outer.stats.cache_hits.values()))
 """
 
 
 @pytest.mark.parametrize(("changed", "gives"), [({}, "22.0 1"), ({"large": 3.0}, "6.0 0"), ({"more": 2.0}, "33.0 0")])
-def test_a_kernel_is_compiled_anew_where_one_or_a_number_of_another_file_has_changed(tmp_path, changed, gives):
+@pytest.mark.parametrize(("imports", "product"), [_BY_NAME, _BY_MODULE])
+def test_a_kernel_is_compiled_anew_where_one_or_a_number_of_another_file_has_changed(
+    tmp_path, changed, gives, imports, product
+):
     """As after an upgrade that touched only that file."""
-    (tmp_path / "outer.py").write_text(_OUTER)
+    (tmp_path / "outer.py").write_text(_OUTER.format(imports=imports, product=product))
     env = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kept"), "PYTHONDONTWRITEBYTECODE": "1"}
     said, before = [], {"large": 11.0, "more": 1.0}
     for values in (before, before | changed):
