@@ -1,10 +1,10 @@
 """Heat: the two promises of the limits that `sma-actuator init` writes, side by side, in every physics of the bench.
 
 How hot a wire becomes that loses half the heat that it should: from the start, driven with all the current that the
-limits leave, through moves, through restarts, with a sensor of the surroundings that reads too cold, and by
-``characterise``; and suddenly, while it is held hot (a cover is put over it).  The guard that tells a wrong heat loss
-from how the wire cools is blind here: what holds has to hold before anybody can know.  The judge looks at the hottest
-place of the wire, by the bench's truth.
+limits leave, through moves, through restarts, also with a thinner wire in the place of the calibrated one, with a
+sensor of the surroundings that reads too cold, and by ``characterise``; and suddenly, while it is held hot (a cover is
+put over it).  The guard that tells a wrong heat loss from how the wire cools is blind here: what holds has to hold
+before anybody can know.  The judge looks at the hottest place of the wire, by the bench's truth.
 
 And how far a wire contracts that loses what it should, under a light, a middle and the largest load, and what of that
 is held for ten minutes, half a minute after it was asked for: in % of its stroke, from the cold to where it is
@@ -45,6 +45,7 @@ LOADS: tuple[Load, ...] = (Weight(0.98), Spring(400.0, 0.6))
 HELD_s = MOVED_s = 60.0
 PERIOD_s = 12.0  #: of the sine and of the steps
 RESTART_s = 6.0  #: after so long it is begun anew
+THINNER = 0.95  #: diameter of another wire in the place of the calibrated one: it shows a tenth more
 AMBIENT_C, WARM_C = 24.0, 38.0
 HARD_C = 195.0  #: as hot as a wire is made to see how far it goes
 PULSES, PULSE_s = 2, 15.0
@@ -126,15 +127,16 @@ class Heating:
 
     def driven(self, load: Load, seconds: float, way: str) -> float:
         """Hottest place [°C] of a wire that the driver drives in a way: "held" at all the current there is, also
-        "covered", "begun anew" again and again or in a "warm room" whose sensor reads too cold; or moved along a "sine"
-        or "steps"."""
+        "covered", "begun anew" again and again, so with a "thinner" wire, or in a "warm room" whose sensor reads too
+        cold; or moved along a "sine" or "steps"."""
         config = self.config
         if way == "warm room":
             config = config.replace({"thermal.ambient_temperature": WARM_C})
         if way not in ("sine", "steps"):
             config = with_law(config, AllThereIs(config.controller, config.supply.bias_current))
         ambient_C = WARM_C if way == "warm room" else AMBIENT_C
-        bench = self._bench(load, 1.0 if way == "covered" else self.heat_loss, ambient_C)
+        thinner = THINNER if way == "thinner" else 1.0
+        bench = self._bench(load, 1.0 if way == "covered" else self.heat_loss, ambient_C, thinner)
         if way == "covered":
             bench.inject("draught", self.heat_loss, at_s=bench.time_s + 0.5 * seconds)
         hottest_C, low_high_m = -math.inf, config.model.displacement_range
@@ -143,7 +145,7 @@ class Heating:
             nonlocal hottest_C
             hottest_C = max(hottest_C, bench.hottest_C)
 
-        end_s, last_s = bench.time_s + seconds, RESTART_s if way == "begun anew" else seconds
+        end_s, last_s = bench.time_s + seconds, RESTART_s if way in ("begun anew", "thinner") else seconds
         while bench.time_s < end_s:
             daq = (TooCold if way == "warm room" else InProcessDaq)(bench, config)
             driver = Driver(config, InProcessSupply(bench, config), daq, VirtualClock(bench), look)
@@ -245,7 +247,8 @@ class Heating:
     def run(self) -> Result:
         """Every way, judged."""
         ways = (("held", HELD_s), ("sine", MOVED_s), ("steps", MOVED_s), ("covered", 2.0 * HELD_s))
-        for load, (way, seconds) in itertools.product(LOADS, (*ways, ("begun anew", HELD_s), ("warm room", HELD_s))):
+        ways = (*ways, ("begun anew", HELD_s), ("thinner", HELD_s), ("warm room", HELD_s))
+        for load, (way, seconds) in itertools.product(LOADS, ways):
             self.judge(way, self.driven(load, seconds, way))
         self.judge("characterise", self.characterised())
         wire = self.config.wire
@@ -274,8 +277,10 @@ class Heating:
         detail = f"{self.wire} in {self.physics}: {detail}"
         self.result.violations.append(Violation(rule, detail, f"python -m attack heat --only {self.unit}"))
 
-    def _bench(self, load: Load, heat_loss: float, ambient_C: float = AMBIENT_C) -> VirtualBench:
-        bench = VirtualBench.from_name(self.wire, seed=1, load=load, physics=self.physics, ambient_C=ambient_C)
+    def _bench(self, load: Load, heat_loss: float, ambient_C: float = AMBIENT_C, thinner: float = 1.0) -> VirtualBench:
+        named = VirtualBench.from_name(self.wire, seed=1, load=load, physics=self.physics, ambient_C=ambient_C)
+        wire = dataclasses.replace(named.setup.wire, diameter_m=thinner * named.setup.wire.diameter_m)
+        bench = VirtualBench(dataclasses.replace(named.setup, wire=wire), seed=1)
         bench.inject("draught", heat_loss)
         return bench
 

@@ -14,7 +14,7 @@ from .reach import (
     PATIENCE_s,
 )
 from .records import Limit
-from .thermal import CAPACITY_WITHIN, LEAST_SLOPE_1_K, LOSING_TIMES, NOT_CONTRACTED_MARGIN, SUDDENLY
+from .thermal import CAPACITY_WITHIN, LEAST_SLOPE_1_K, LOSING_TIMES, NOT_CONTRACTED_MARGIN, STANDS_K, SUDDENLY
 from .timing import ONE_STEP, TWO_STEPS
 
 SETPOINT_RANGE = Limit(
@@ -82,7 +82,8 @@ TEMPERATURE_DERATING = Limit(
     "thermal.derate_temperature, by the parameters' heat_loss, from supply.max_current linearly down to "
     "supply.bias_current at max_temperature. A wire of which nothing is known yet counts as that hot; it, and one "
     "whose resistance does not tell when the balance comes to its end, gets the bias until it is certainly below "
-    "transformed_temperature",
+    "transformed_temperature, and, as long as it has not been seen cold and shows more than its calibration saw of it "
+    f"contracted, until what its resistance has changed by leaves it no more than {STANDS_K:g} K to cool",
     ONE_STEP,
 )
 

@@ -15,7 +15,9 @@ What a step makes of all this lies in rows of numbers, so that one kernel does i
 
 Nothing is known of a wire when an actuator begins: it may come from another that was ended while
 the wire was hot.  So it starts as hot as a wire may be and cools by the balance, which takes a few
-of the wire's time constants; meanwhile it may be driven with less current.
+of the wire's time constants; meanwhile it may be driven with less current.  And it may be another
+wire than the calibrated one: whether it has contracted its resistance tells only beside what it
+has shown cold (:func:`keep_cold`).
 """
 
 from __future__ import annotations
@@ -38,8 +40,13 @@ LEAST_SLOPE_1_K, MOST_SLOPE_1_K = 2e-4, 1e-3
 #: So near to the hottest that is aimed at, the balance has come to its limit.
 AT_LIMIT_K = 1.0
 #: Contracting takes a tenth or more off a wire's resistance: one that shows more than this share less than it has shown
-#: may have contracted, whatever its calibration says.
+#: cold may have contracted, whatever its calibration says.
 FALLS = 0.05
+#: A wire is cold that has no more than this to cool, by its resistance: it is at 46 °C at the most, and martensite of
+#: wires that were measured comes back from above that; while it does, resistance shows each kelvin tenfold.
+STANDS_K = 15.0
+#: The same by the heat balance, which does not see how much has come back.
+COLD_K = 3.0
 #: Time over which a resistance is averaged, and from which on one is of another time.
 SMOOTH_s, LONG_AGO_s = 0.2, 1.0
 #: Share by which a load changes from one reading to the next where it is another one.
@@ -147,9 +154,9 @@ class Ambient:
 
 
 #: What a thermometer remembers: the resistance, smooth, and the load of then; how long ago that is; the least
-#: resistance since the wire was certainly not hotter than it transforms at, and the most since it was first measured.
-_SHOWN_Ohm, _LOAD_N, _GAP_s, _LEAST_Ohm, _MOST_Ohm = range(5)
-THERMOMETER = 5
+#: resistance since the wire was certainly not hotter than it transforms at.
+_SHOWN_Ohm, _LOAD_N, _GAP_s, _LEAST_Ohm = range(4)
+THERMOMETER = 4
 
 
 @jit
@@ -171,28 +178,25 @@ def hottest_C(
     by what that makes of its austenite's resistance.  Both are counted as the second.
 
     ``at_most_C``: what was known before.  Resistance that comes with another load says nothing of heat.  A wire
-    that has contracted shows no more than ``contracted_Ohm``, however hot it may be; another one in its place may, but
-    not nearly as much as itself before.  What is remembered begins at the ``first`` of ``state``
-    (:func:`begin_thermometer`).
+    that has contracted shows no more than ``contracted_Ohm``, however hot it may be.  What is remembered begins at the
+    ``first`` of ``state`` (:func:`begin_thermometer`).
     """
     gap_s = state[first + _GAP_s] + dt_s
     if not isfinite(resistance_Ohm):
         state[first + _GAP_s] = gap_s
         return inf
     shown_Ohm, least_Ohm, was_N = state[first + _SHOWN_Ohm], state[first + _LEAST_Ohm], state[first + _LOAD_N]
-    most_Ohm = state[first + _MOST_Ohm]
     if not (isfinite(shown_Ohm) and gap_s < LONG_AGO_s):
-        shown_Ohm, least_Ohm, most_Ohm = resistance_Ohm, nan, max(most_Ohm, resistance_Ohm)
+        shown_Ohm, least_Ohm = resistance_Ohm, nan
     elif _is_other(load_N, was_N):
         least_Ohm += resistance_Ohm - shown_Ohm
         shown_Ohm = resistance_Ohm
     shown_Ohm -= expm1(-gap_s / SMOOTH_s) * (resistance_Ohm - shown_Ohm)
-    most_Ohm = max(most_Ohm, shown_Ohm)
-    if at_most_C < transformed_C or shown_Ohm > max(contracted_Ohm, (1.0 - FALLS) * most_Ohm):
+    if at_most_C < transformed_C or shown_Ohm > contracted_Ohm:
         least_Ohm = shown_Ohm
     least_Ohm = min(least_Ohm, shown_Ohm)
     state[first + _SHOWN_Ohm], state[first + _LOAD_N] = shown_Ohm, load_N
-    state[first + _GAP_s], state[first + _LEAST_Ohm], state[first + _MOST_Ohm] = 0.0, least_Ohm, most_Ohm
+    state[first + _GAP_s], state[first + _LEAST_Ohm] = 0.0, least_Ohm
     if not least_Ohm > 0.0:  # not known; or of no wire, as where the leads alone are measured
         return inf
     return transformed_C + (shown_Ohm - least_Ohm) / (LEAST_SLOPE_1_K * least_Ohm)
@@ -208,7 +212,47 @@ def begin_thermometer(state: Floats, first: int) -> None:
     """Nothing is known yet."""
     for each in (_SHOWN_Ohm, _LOAD_N, _LEAST_Ohm):
         state[first + each] = nan
-    state[first + _MOST_Ohm] = 0.0
+
+
+#: What is remembered of the cold: the most that a wire has shown since it was cold; how hot the balance lets it be by
+#: itself; how long it has been let cool, and the least and the most that it has shown meanwhile.
+_COLD_Ohm, _BALANCE_C, _COOLED_s, _LOW_Ohm, _HIGH_Ohm = range(5)
+SHOWN_COLD = 5
+
+
+@jit
+def keep_cold(
+    state: Floats, first: int, shown_Ohm: float, dt_s: float, cools: bool, above_K: float, time_constant_s: float
+) -> None:
+    """Keep the most that a wire has shown since it was cold.
+
+    What cools shows it: the resistance of either phase falls by :data:`LEAST_SLOPE_1_K` or more, and rises by much more
+    where one becomes the other.  So what it has changed by, while it lost a share of its heat that every wire has lost
+    by then, says how hot it may be still.
+
+    ``shown_Ohm``: smooth; ``cools``: only the bias flows; ``above_K``: the most that it may be above its surroundings
+    by the balance alone; ``time_constant_s``: the longest that it may have.  What is remembered begins at the ``first``
+    of ``state`` (:func:`begin_cold`).
+    """
+    if state[first + _COLD_Ohm] < inf:
+        state[first + _COLD_Ohm] = max(state[first + _COLD_Ohm], shown_Ohm)
+        return
+    cooled_s, low_Ohm, high_Ohm = state[first + _COOLED_s], state[first + _LOW_Ohm], state[first + _HIGH_Ohm]
+    if cools and isfinite(cooled_s):
+        cooled_s += dt_s if 0.0 <= dt_s < inf else 0.0
+        low_Ohm, high_Ohm = min(low_Ohm, shown_Ohm), max(high_Ohm, shown_Ohm)
+    else:
+        cooled_s, low_Ohm, high_Ohm = 0.0 if cools else nan, shown_Ohm, shown_Ohm
+    state[first + _COOLED_s], state[first + _LOW_Ohm], state[first + _HIGH_Ohm] = cooled_s, low_Ohm, high_Ohm
+    lost_over_left = expm1(cooled_s / time_constant_s)
+    stands = high_Ohm - low_Ohm <= STANDS_K * LEAST_SLOPE_1_K * low_Ohm * lost_over_left
+    if above_K <= COLD_K or (cooled_s >= LONG_AGO_s and stands):
+        state[first + _COLD_Ohm] = shown_Ohm
+
+
+def begin_cold(state: Floats, first: int, temperature_C: float) -> None:
+    """Nothing is known yet, but that it may be as hot as that."""
+    state[first + _COLD_Ohm], state[first + _BALANCE_C], state[first + _COOLED_s] = inf, temperature_C, nan
 
 
 def most_contracted_Ohm(hot_end: HotEndSection, temperature_C: float) -> float:
@@ -305,8 +349,9 @@ def turned(state: Floats, first: int, load_N: float, dt_s: float) -> float:
     return turns
 
 
-#: Where in the memory of a wire's heat both thermometers, the shown loss and the load that turns begin.
-_BY_ITSELF, _BY_ITS_OWN, _SHOWN, _TURNED = 0, THERMOMETER, 2 * THERMOMETER, 2 * THERMOMETER + SHOWN_LOSS
+#: Where in the memory of a wire's heat both thermometers, the shown loss, the load that turns and the cold begin.
+_BY_ITSELF, _BY_ITS_OWN, _SHOWN = 0, THERMOMETER, 2 * THERMOMETER
+_TURNED, _COLD = _SHOWN + SHOWN_LOSS, _SHOWN + SHOWN_LOSS + TURNED
 
 
 @jit
@@ -338,13 +383,21 @@ def _heat_step(
     if state[_BY_ITSELF + _SHOWN_Ohm] > just_contracted_Ohm:
         margin = min(margin, NOT_CONTRACTED_MARGIN)
     at_most_C = _after_C(most_C, power_W, dt_s, ambient_C, capacity_J_K, loss_W_K / margin)
-    shown_C = hottest_C(state, _BY_ITSELF, resistance_Ohm, load_N, dt_s, at_most_C, transformed_C, contracted_Ohm)
+    # Another wire in its place may show more contracted, but not nearly as much as itself cold.
+    transforms_Ohm = max(contracted_Ohm, (1.0 - FALLS) * state[_COLD + _COLD_Ohm])
+    shown_C = hottest_C(state, _BY_ITSELF, resistance_Ohm, load_N, dt_s, at_most_C, transformed_C, transforms_Ohm)
     # Where the heat balance calls it hotter than it is known to transform at, one of them errs: the hotter counts.
     own_C = min(transformed_C, max(transforms_C, likely_C))
-    own_C = hottest_C(state, _BY_ITS_OWN, resistance_Ohm, load_N, dt_s, at_most_C, own_C, contracted_Ohm)
+    own_C = hottest_C(state, _BY_ITS_OWN, resistance_Ohm, load_N, dt_s, at_most_C, own_C, transforms_Ohm)
     most_C = min(at_most_C, shown_C, own_C)
     likely_C = min(likely_C, shown_C)
+    shown_Ohm = state[_BY_ITSELF + _SHOWN_Ohm]
+    balance_C = _after_C(state[_COLD + _BALANCE_C], power_W, dt_s, ambient_C, capacity_J_K, loss_W_K / margin)
+    state[_COLD + _BALANCE_C] = balance_C
+    if isfinite(resistance_Ohm):
+        keep_cold(state, _COLD, shown_Ohm, dt_s, cools, balance_C - ambient_C, capacity_J_K * margin / loss_W_K)
     at_its_limit = most_C > max_C - HEADROOM_K - AT_LIMIT_K and at_most_C < shown_C
+    may_be_hot = most_C >= transformed_C or (shown_Ohm > contracted_Ohm and state[_COLD + _COLD_Ohm] == inf)
     shown_W_K = shown_loss_W_K(state, _SHOWN, wire_W, dt_s, most_C - coldest_C, capacity_J_K, loss_W_K)
     if turned(state, _TURNED, load_N, dt_s) > MOST_TURNS:
         shown_W_K = 0.0
@@ -352,7 +405,7 @@ def _heat_step(
         likely_C,
         most_C,
         guessed_K,
-        most_C >= transformed_C and (cools or at_its_limit),
+        may_be_hot and (cools or at_its_limit),
         SUDDENLY * shown_W_K,
         margin,
     )
@@ -363,7 +416,8 @@ class WireHeat:
 
     Where the balance has come to its limit and the resistance does not tell, a limit that stood would hold the wire
     where it is for ever.  So it is let cool (``cools``) until it certainly transforms, which takes a second or two:
-    from there on its resistance tells.
+    from there on its resistance tells.  So it is at the beginning, and where it shows more than one of its calibration
+    contracted, until what it shows cold is known.
     """
 
     def __init__(self, parameters: ThermalParameters):
@@ -377,9 +431,10 @@ class WireHeat:
         self.guessed_K = parameters.max_temperature - parameters.ambient_temperature
         self._shown_loss_W_K = 0.0
         self._margin = parameters.heat_loss_margin  #: by which its loss may be less now
-        self._state = floats(_TURNED + TURNED)
+        self._state = floats(_COLD + SHOWN_COLD)
         begin_thermometer(self._state, _BY_ITSELF)
         begin_thermometer(self._state, _BY_ITS_OWN)
+        begin_cold(self._state, _COLD, parameters.max_temperature)
 
     def step(
         self,

@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from dataclasses import replace
 
 import pytest
 
@@ -11,7 +10,6 @@ from attack.promises import Promises, read_table
 from attack.proxy import Mischief
 from attack.result import Result
 from sma_actuator.base.share import shared_file
-from sma_actuator.bench.bench import VirtualBench
 from sma_actuator.config import copy_tables
 from sma_actuator.plant.loads import Weight
 from sma_actuator.safety.reach import Reach
@@ -98,15 +96,12 @@ class TestHalfTheHeatLoss:
         heating.judge("held", heating.driven(heat.LOADS[0], 30.0, "held"))
         _unbroken(heating.result)
 
-    def test_nor_does_one_that_is_thinner_than_the_calibrated_one(self):
-        """It shows a tenth more, contracted as cold, and came to 409 °C."""
+    @pytest.mark.parametrize("restart_s", [20.0, heat.RESTART_s])
+    def test_nor_does_one_that_is_thinner_than_the_calibrated_one(self, restart_s, monkeypatch):
+        """It shows a tenth more, contracted as cold, and came to 409 °C, begun anew to 293 °C."""
+        monkeypatch.setattr(heat, "RESTART_s", restart_s)
         heating = heat.Heating(self.WORST)
-        setup = heating._bench(heat.LOADS[0], 1.0).setup
-        thinner = replace(setup, wire=replace(setup.wire, diameter_m=0.95 * setup.wire.diameter_m))
-        bench = VirtualBench(thinner, seed=1)
-        bench.inject("draught", heating.heat_loss)
-        heating._bench = lambda *_: bench
-        heating.judge("held", heating.driven(heat.LOADS[0], 20.0, "held"))
+        heating.judge("thinner", heating.driven(heat.LOADS[0], 20.0, "thinner"))
         _unbroken(heating.result)
 
     def test_and_the_hottest_wire_that_was_measured_contracts_and_is_held(self):

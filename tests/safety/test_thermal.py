@@ -11,11 +11,14 @@ from sma_actuator.base.jit import floats
 from sma_actuator.config import Config
 from sma_actuator.safety.thermal import (
     CAPACITY_WITHIN,
+    COLD_K,
     LATENT_K,
     LEAST_SLOPE_1_K,
     MOST_SLOPE_1_K,
     NOT_CONTRACTED_MARGIN,
+    SHOWN_COLD,
     SHOWN_LOSS,
+    STANDS_K,
     THERMOMETER,
     Ambient,
     AMBIENT_FALL_K_s,
@@ -23,9 +26,11 @@ from sma_actuator.safety.thermal import (
     LONG_AGO_s,
     Transforms,
     WireHeat,
+    begin_cold,
     begin_thermometer,
     derated_limit_A,
     hottest_C,
+    keep_cold,
     most_contracted_Ohm,
     shown_loss_W_K,
 )
@@ -236,14 +241,6 @@ class TestThermometer:
         assert shown_C(4.8, contracted_Ohm=4.9) == pytest.approx(150.0)
         assert shown_C(4.85, contracted_Ohm=4.9) > 195.0
 
-    def test_but_is_where_it_has_shown_much_more_before(self, shown_C):
-        """A thinner wire in the place of the calibrated one, which contracts from 5.5 to 5.0 Ω."""
-        shown_C(5.5, at_most_C=100.0)
-        shown_C(5.0, contracted_Ohm=4.9)
-        assert shown_C(5.1, contracted_Ohm=4.9) > 195.0
-        assert shown_C(5.1, contracted_Ohm=4.9, load_N=2.0, seconds=10.0) > 195.0
-        assert shown_C(5.3, contracted_Ohm=4.9) == pytest.approx(150.0)  # and transforms again
-
     def test_another_load_makes_no_heat(self, shown_C):
         shown_C(5.0, at_most_C=100.0)
         shown_C(4.5)
@@ -365,6 +362,105 @@ class TestShownLoss:
         shown = begin_to_lose()
         before = [shown(parameters.heat_loss * 150.0, 1.0, 100.0) for _ in range(20)][-1]
         assert 0.9 * before < shown(1e6, dt_s, 100.0) <= before
+
+
+class TestWhatAWireShowsCold:
+    """Looked at every 0.05 s; it loses its heat in 2 s, all that is known is that it takes no longer than 5 s."""
+
+    LONGEST_s, ITS_s, ENDS_C = 5.0, 2.0, 30.0
+
+    @pytest.fixture
+    def look(self):
+        state = floats(SHOWN_COLD)
+        begin_cold(state, 0, 200.0)
+
+        def once(shown_Ohm, dt_s=0.05, cools=True, above_K=100.0):
+            keep_cold(state, 0, shown_Ohm, dt_s, cools, above_K, self.LONGEST_s)
+            return state[0]
+
+        return once
+
+    def seen_cold(self, look, shown_Ohm, from_C):
+        """When, at which temperature and with which resistance it is seen to be cold."""
+        for number in range(2000):
+            warm_C = self.ENDS_C + (from_C - self.ENDS_C) * math.exp(-0.05 * number / self.ITS_s)
+            if (cold_Ohm := look(shown_Ohm(warm_C))) < math.inf:
+                return 0.05 * number, warm_C, cold_Ohm
+        pytest.fail("never seen")
+
+    @pytest.mark.parametrize("slope_1_K", [LEAST_SLOPE_1_K, MOST_SLOPE_1_K])
+    @pytest.mark.parametrize("from_C", [100.0, 200.0, 300.0])
+    def test_austenite_that_cools_is_seen_when_it_has_no_more_to_cool(self, look, slope_1_K, from_C):
+        seconds, warm_C, _ = self.seen_cold(look, lambda warm_C: 5.0 * (1.0 + slope_1_K * warm_C), from_C)
+        assert warm_C < self.ENDS_C + STANDS_K
+        assert seconds < 25.0
+
+    def test_one_that_comes_back_meanwhile_is_seen_when_it_has_come_back(self, look):
+        """From 60 to 35 °C it gains a sixth."""
+
+        def shown_Ohm(warm_C):
+            return 5.0 * (1.0 + LEAST_SLOPE_1_K * warm_C) * (1.0 + min(max(60.0 - warm_C, 0.0) / 25.0, 1.0) / 6.0)
+
+        _, warm_C, cold_Ohm = self.seen_cold(look, shown_Ohm, 150.0)
+        assert warm_C < 35.0
+        assert cold_Ohm == pytest.approx(5.0 * 7.0 / 6.0, rel=0.01)
+
+    def test_one_that_is_cold_is_seen_in_a_second_or_two_however_its_readings_scatter(self, look):
+        seconds, _, cold_Ohm = self.seen_cold(look, lambda _: 5.0 * (1.0 + 3e-4 * math.sin(100.0 * _)), 30.1)
+        assert LONG_AGO_s <= seconds < 2.0
+        assert cold_Ohm == pytest.approx(5.0, rel=3e-4)
+
+    def test_nothing_is_seen_with_more_current_than_the_bias(self, look):
+        for _ in range(400):
+            assert look(5.0, cools=False) == math.inf
+        assert look(5.0) == math.inf, "the time before counts for nothing"
+
+    @pytest.mark.parametrize("dt_s", [math.nan, math.inf, -1.0])
+    def test_nor_in_a_time_that_is_none(self, look, dt_s):
+        for _ in range(400):
+            assert look(5.0, dt_s=dt_s) == math.inf
+
+    def test_by_the_balance_it_is_seen_at_once_where_it_left_it_nothing(self, look):
+        assert look(5.0, cools=False, above_K=COLD_K + 0.1) == math.inf
+        assert look(5.0, cools=False, above_K=COLD_K) == 5.0
+
+    def test_from_then_on_the_most_counts(self, look):
+        look(5.0, above_K=0.0)
+        assert [look(each_Ohm, cools=False) for each_Ohm in (5.1, 4.5, 5.2)] == [5.1, 5.1, 5.2]
+
+
+class TestAnotherWireInThePlaceOfTheCalibratedOne:
+    """4.9 Ω is the most that the calibrated one shows contracted; this one contracts from 5.5 to 5.0 Ω."""
+
+    @pytest.fixture
+    def run(self, parameters):
+        heat = WireHeat(parameters)
+
+        def seconds(resistance_Ohm, power_W, seconds):
+            for _ in range(round(seconds / 0.05)):
+                heat.step(power_W, 0.05, math.nan, parameters, resistance_Ohm, 1.0, 4.9)
+            return heat
+
+        return seconds
+
+    def test_gets_the_bias_until_it_is_seen_cold(self, run, parameters):
+        """Hot, contracted: it was taken to transform, and heated on."""
+        heat = run(5.1, 0.0, 0.95)
+        assert heat.cools
+        heat = run(5.0, 0.0, 2.0)
+        assert heat.at_most_C < parameters.transformed_temperature
+        assert heat.cools, "2 % less may be a hundred kelvins less"
+        assert not run(5.0, 0.0, 30.0).cools
+
+    def test_is_hot_where_it_shows_much_less_than_cold(self, run):
+        run(5.5, 0.0, 5.0)
+        run(5.0, 1.0, 5.0)
+        assert run(5.1, 1.0, 5.0).at_most_C > 195.0
+
+    def test_transforms_where_it_does_not(self, run):
+        run(5.5, 0.0, 5.0)
+        assert run(5.5, 1.0, 20.0).at_most_C == pytest.approx(150.0, abs=0.5)
+        assert run(5.6, 1.0, 20.0).at_most_C == pytest.approx(150.0, abs=0.5)
 
 
 class TestOwnThermometer:
