@@ -30,6 +30,7 @@ from rich.table import Table
 from sma_actuator.base.commands import NODE_NAME
 from sma_actuator.base.interrupts import Interrupts, noted_signals
 from sma_actuator.base.jit import COMPILING
+from sma_actuator.base.joining import beside_a_node
 from sma_actuator.base.options import number_within
 from sma_actuator.base.parameter_file import read_parameter_file
 from sma_actuator.base.parent import end_with
@@ -176,7 +177,7 @@ def _drive(
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    rclpy.init(args=beside_a_node(), signal_handler_options=SignalHandlerOptions.NO)
     try:
         client = _Client(config, errors)
         client.enable(children, interrupts)

@@ -29,6 +29,7 @@ from std_msgs.msg import Float64
 from trajectory_msgs.msg import JointTrajectory
 
 from sma_actuator.base.errors import UserError
+from sma_actuator.base.joining import beside_a_node
 
 from .in_order import InOrder
 
@@ -107,7 +108,7 @@ class Topics:
             ) from error
         self.port: int = self._server.port
         self._ros_context = rclpy.Context()
-        rclpy.init(args=[], context=self._ros_context, signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=beside_a_node(), context=self._ros_context, signal_handler_options=SignalHandlerOptions.NO)
         self._ros = rclpy.create_node(
             "sma_foxglove", context=self._ros_context, use_global_arguments=False, enable_rosout=False
         )

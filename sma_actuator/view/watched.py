@@ -32,6 +32,7 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from sma_actuator.base.errors import UserError
+from sma_actuator.base.joining import beside_a_node
 from sma_actuator.safety.faults import FAULTS
 from sma_actuator.safety.limits import LIMITS
 from sma_msgs_py import setpoint_message, signals_from, trajectory_message
@@ -118,7 +119,7 @@ class WatchedNode:
         self._kinds: dict[str, Any] = {}
         self._signals: Any = None
         self._context = rclpy.Context()
-        rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=beside_a_node(), context=self._context, signal_handler_options=SignalHandlerOptions.NO)
         self._ros = rclpy.create_node(
             "sma_view", context=self._context, use_global_arguments=False, enable_rosout=False
         )

@@ -4,6 +4,7 @@ import json
 import math
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -132,6 +133,25 @@ def test_a_node_of_another_computer_is_stopped_over_ros(bench, capsys, monkeypat
     assert main(["stop", *NODE]) == 0
     assert "/arm/left: the output is off" in capsys.readouterr().out
     wait_until(lambda: bench.current_A() == 0.0)
+
+
+#: Another user, who may read what this one may.
+NOBODY = ("setpriv", "--reuid=65534", "--regid=65534", "--clear-groups", "--inh-caps=+dac_read_search")
+NOBODY += ("--ambient-caps=+dac_read_search",)
+
+
+@pytest.mark.skipif(
+    shutil.which("setpriv") is None or subprocess.run([*NOBODY, "true"], capture_output=True).returncode != 0,
+    reason="nobody here may become another user",
+)
+def test_another_user_for_whom_ros_can_write_no_log_is_answered(bench):
+    """As of a node with real-time rights or in a container: by Fast DDS's shared memory none of its words arrive."""
+    environment = {**os.environ, "HOME": "/proc/none", "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
+    environment.pop("FASTDDS_BUILTIN_TRANSPORTS", None)
+    asked = [*NOBODY, sys.executable, "-B", "-m", "sma_actuator", "status", *NODE, "--json", "-"]
+    said = subprocess.run(asked, env=environment, capture_output=True, text=True)
+    assert said.returncode == 0, said.stderr
+    assert json.loads(said.stdout)["node"] == "/arm/left"
 
 
 def test_services_without_an_argument_are_called_by_their_name(bench, capsys):

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from sma_actuator.base.commands import NODE_NAME, as_commands, namespace, node_name
 from sma_actuator.base.errors import UserError
 from sma_actuator.base.interrupts import Interrupts, noted_signals
+from sma_actuator.base.joining import beside_a_node
 from sma_actuator.base.options import number_within
 
 if TYPE_CHECKING:  # stop is quicker without
@@ -83,7 +84,7 @@ class NodeClient(Named):
         self._patience_s = args.patience
         self._interrupts = interrupts
         self._context = rclpy.Context()
-        rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=beside_a_node(), context=self._context, signal_handler_options=SignalHandlerOptions.NO)
         self._node = rclpy.create_node(
             f"sma_actuator_command_{os.getpid()}",
             context=self._context,
@@ -207,7 +208,7 @@ class NodeClient(Named):
         if self.full_name in others:
             return (
                 f"{self.full_name} is there, but has not answered within {self._patience_s:g} s: ask again with a "
-                f"longer --patience"
+                "longer --patience; where another user runs it: docs/security.md, two users"
             )
         if others:
             return f"{looked}; there is {', '.join(others)}: name it with --node and --namespace"
