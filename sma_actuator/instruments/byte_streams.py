@@ -33,6 +33,7 @@ class Manner:
     write_termination: str = "\n"
     read_termination: str = "\n"
     acknowledgement: Pattern | None = None  #: the whole line that answers a command; None: it has no answer
+    acknowledges_answers: bool = False  #: that line follows every answer too
     pause_s: float = 0.0  #: from the end of a command or an answer to the next command
     serial: SerialLine = field(default_factory=SerialLine)  #: where it is one
     backend: str = OWN_BACKEND
@@ -43,12 +44,14 @@ class Manner:
         connection: Connection,
         terminations: tuple[str, str] = ("\n", "\n"),
         acknowledgement: Pattern | None = None,
+        acknowledges_answers: bool = False,
     ) -> Manner:
         """What the parameters say; the terminations, of what is written and read, for where they say none."""
         return cls(
             TERMINATIONS.get(connection.write_termination, terminations[0]),
             TERMINATIONS.get(connection.read_termination, terminations[1]),
             acknowledgement,
+            acknowledges_answers,
             connection.command_pause,
             connection.serial,
             connection.backend,

@@ -70,6 +70,10 @@ _NEEDED_PLACEHOLDERS = {
 }
 #: Where a DAQ may be told which channels are read: as it takes them, once or with every reading.
 _SAYS_CHANNELS = ("commands.prepare", "commands.before_read", "queries.read")
+_CHANNELS_OR_COLUMNS = (
+    f"{', '.join(_SAYS_CHANNELS)}: one with the placeholder {{channels}} is wanted, or, where every answer has all "
+    "channels, queries.read.columns, how many"
+)
 _NEEDED: dict[str, dict[str, tuple[str, ...]]] = {
     "supply": {
         "commands": ("output_on", "output_off", "set_current", "set_voltage"),
@@ -79,7 +83,7 @@ _NEEDED: dict[str, dict[str, tuple[str, ...]]] = {
 }
 _KEYS_OF_ALL = {
     *("kind", "family", "source", "notes", "identity", "termination", "answer_termination", "acknowledgement"),
-    *("commands", "queries"),
+    *("acknowledges_answers", "commands", "queries"),
 }
 _KEYS = {
     "supply": _KEYS_OF_ALL
@@ -89,6 +93,7 @@ _KEYS = {
 }
 #: True or false; what it is where a dialect says nothing.
 _FLAGS = {
+    "acknowledges_answers": False,
     "chained_queries": False,
     "measures_celsius": False,
     "second_session": False,
@@ -133,6 +138,7 @@ class Dialect:
     identity: Pattern
     terminations: tuple[str, str]  #: of a line sent, of a line of an answer
     acknowledgement: Pattern | None  #: the whole line that answers a command; None: a command has no answer
+    acknowledges_answers: bool  #: whether that line follows every answer too
     commands: Mapping[str, Command]
     queries: Mapping[str, Query]
     trips: Mapping[str, Query]  #: by word (OVP, OCP, OTP, WDOG) or ``*``
@@ -169,8 +175,8 @@ class Dialect:
         commands = _commands(document, kind, problems)
         queries = _queries(document, kind, problems)
         trips = _trips(document.get("trips", {}), problems)
-        if kind == "daq" and not problems and not _says_channels(commands, queries):
-            problems.append(f"{', '.join(_SAYS_CHANNELS)}: none has the placeholder {{channels}}: what would be read?")
+        if kind == "daq" and not problems and _says_channels(commands, queries) == bool(queries["read"].columns):
+            problems.append(_CHANNELS_OR_COLUMNS)
         if {"arm_watchdog", "disarm_watchdog"} & set(commands):
             problems += _wrong_watchdog(document, queries)
         span, step_s = document.get("watchdog_range_s"), document.get("watchdog_step_s", 0.0)
@@ -195,6 +201,8 @@ class Dialect:
             f"{key}: {value!r} is neither true nor false" for key, value in flags.items() if not isinstance(value, bool)
         ]
         acknowledgement = None
+        if flags["acknowledges_answers"] and "acknowledgement" not in document:
+            problems.append("acknowledges_answers: acknowledgement is missing, the line that follows an answer")
         if "acknowledgement" in document:
             acknowledgement = pattern_or_none(document["acknowledgement"])
             if acknowledgement is None:
@@ -221,6 +229,11 @@ class Dialect:
             watchdog_fed_by=document.get("watchdog_fed_by", ""),
             **flags,
         )
+
+    @property
+    def manner(self) -> tuple[tuple[str, str], Pattern | None, bool]:
+        """How lines end and are acknowledged, as :meth:`~.byte_streams.Manner.of` wants it."""
+        return self.terminations, self.acknowledgement, self.acknowledges_answers
 
     def lines(self, name: str, **values: Any) -> list[str]:
         """The texts of a command, filled in; none where the family has no such command."""

@@ -88,6 +88,14 @@ class DaqInstrument(Connection):
         optional=True,
     )
     timeout: float = parameter(0.2, "time in which a reading or a connection must be complete", "s", 0.01, 60.0)
+    opening_pause: float = parameter(
+        0.0,
+        "time from opening its line until it hears, of a board that begins anew then, as many an Arduino for 2 s; "
+        "nobody listens to what it says meanwhile",
+        "s",
+        0.0,
+        5.0,
+    )
     supply_voltage_channel: int = parameter(101, "channel of the supply voltage", "1", 0, 10**6)
     reference_voltage_channel: int = parameter(102, "channel of the sense resistor's voltage", "1", 0, 10**6)
     load_cell_channel: int = parameter(103, "channel of the load cell's amplifier", "1", 0, 10**6)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import re
 import string
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from math import copysign, inf, isfinite, nan
 from typing import Any, Self
@@ -22,17 +22,20 @@ _TRIAL = {"channel": 1, "value": 0.5, "channels": "101,102", "samples": 50, "rea
 #: How a value may be written: sign, zeros, width and decimals that a line has, and a kind that instruments read; no
 #: percent, no marks between thousands.
 _WRITTEN = re.compile(r"[+-]?0?\d{0,2}(\.\d{1,2})?[deEfgG]?", re.ASCII)
+_WITH_A_COMMA = re.compile(r"[+-]?\d+,\d+")
 _YES = {"on", "yes", "true"}
 _YAMLS_WORDS = {True: "yes", False: "no"}  #: what YAML makes of the bare words as keys
 _NO = {"off", "no", "false"}  #: not the empty answer: it proves nothing
 
-SEPARATORS = (",", ";", "\t", " ")  #: what may stand between the numbers of a DAQ's answer
+SEPARATORS = (",", ";", "\t", " ", "")  #: what may stand between the numbers of a DAQ's answer; nothing: signs do
+#: Where a number begins whose sign is all that tells it from the one before.
+_SIGNED = re.compile(r"(?<![eE])(?=[+-])")
 
 #: What the answer of a query is → the entries that say how it is read, beside ``ask``.
 READINGS = {
     "text": ("answer",),
     "number": ("answer", "field", "base", "scale"),
-    "numbers": ("answer", "scale", "separator"),
+    "numbers": ("answer", "scale", "separator", "columns"),
     "code": ("answer", "field", "base", "none"),
     "truth": ("answer", "field", "base", "mask", "yes", "no"),
     "words": ("answer", "field"),
@@ -86,7 +89,8 @@ class Query:
     )
     yes: Pattern | None = None
     no: Pattern | None = None
-    separator: str = ","  #: of a list of numbers; a blank: any number of blanks
+    separator: str = ","  #: of a list of numbers; a blank: any number of blanks; nothing: each begins with its sign
+    columns: int = 0  #: of a list that has all that there is, whatever is wanted; 0: it has what is wanted
     none: Pattern | None = None  #: the answer where there is no error, of one that says so in words
 
     @classmethod
@@ -142,9 +146,21 @@ class Query:
         value = self.value(reply)
         return self.scale * (number(value) if self.base == 10 else float(_integer(value, self.base)))
 
-    def numbers(self, reply: str) -> list[float]:
-        """A list of numbers; raises ValueError for an answer that is none."""
-        return [self.number(part) for part in reply.split(self.separator.strip(" ") or None)]
+    def numbers(self, reply: str, channels: Sequence[int] = ()) -> list[float]:
+        """A list of numbers; raises ValueError for an answer that is none.
+
+        Of one with columns those of ``channels``, counted from 1; what stands in the others need not be numbers.
+        """
+        if self.separator:
+            parts = reply.split(self.separator.strip(" ") or None)
+        else:
+            parts = _SIGNED.split(reply)[1:]  # before the first sign stands the instrument's own mark
+        if self.columns:
+            if not parts or len(parts) % self.columns:
+                raise ValueError(f"'{reply}' has {len(parts)} columns, not {self.columns}")
+            rows = range(0, len(parts), self.columns)
+            parts = [parts[row + channel - 1] for row in rows for channel in channels]
+        return [self.number(part) for part in parts]
 
     def code(self, reply: str) -> int:
         """The whole number at the beginning of an answer, 0: no error; raises ValueError where there is none.
@@ -194,7 +210,8 @@ def number(reply: str) -> float:
     try:
         value = float(reply)
     except ValueError:
-        raise ValueError(f"'{reply}' is not a number") from None
+        why = "has a decimal comma; a point is wanted" if _WITH_A_COMMA.fullmatch(reply) else "is not a number"
+        raise ValueError(f"'{reply}' {why}") from None
     if isfinite(value) and abs(value) >= 9.9e37:
         return nan if abs(value) > 9.905e37 else copysign(inf, value)
     return value
@@ -246,6 +263,7 @@ _QUERY_CHECKS: dict[str, tuple[Callable[[Any], bool], str]] = {
     "none": (lambda value: pattern_or_none(value) is not None, "a regular expression, in quotes,"),
     "separator": (lambda value: value in SEPARATORS, f"one of {', '.join(map(repr, SEPARATORS))}"),
     "field": (_counts, "the number of a field, from 1 on,"),
+    "columns": (_counts, "how many values an answer has, from 1 on,"),
     "base": (lambda value: value in (10, 16), "10 or 16"),
     "scale": (lambda value: not _not_a_scale("", value), "a number that is not zero"),
     "mask": (

@@ -34,9 +34,9 @@ def _identify(session: Session, dialect: Dialect, queries: Mapping[str, Query]) 
         return f"{dialect.family} (not asked)"
     identity = session.introduce(queries["identity"].text, dialect.identity)
     if not dialect.identity.search(identity):  # so that it was waited for in vain, and the connection is given up
+        wrong = f"instruments.{session.role}.resource or instruments.{dialect.kind}.dialect is wrong"
         raise InstrumentRefused(
-            f"{session.name}: says it is '{identity}', which is no {dialect.family}; "
-            f"instruments.{session.role}.resource or instruments.{dialect.kind}.dialect is wrong"
+            f"{session.name}: says it is '{identity}', which is no {dialect.family}; {wrong}{session.may_begin_anew}"
         )
     return identity
 
@@ -105,7 +105,7 @@ class ScpiSupply(SessionSupply):
         channel = instrument.channel
         self._queries, self._trips = dialect.asked(channel=channel)
         self._told_A = 0.0  #: the current that it was told last
-        manner = Manner.of(instrument, dialect.terminations, dialect.acknowledgement)
+        manner = Manner.of(instrument, *dialect.manner)
         super().__init__(config, manner, dialect.off_lines(channel), dialect.lines("unlock", channel=channel))
 
     @property
@@ -293,7 +293,7 @@ class ScpiDaq:
         self._instrument = daq = config.instruments.daq
         self._clock = clock
         self._dialect = dialect = Dialect.load(daq.dialect, "daq")
-        manner = Manner.of(daq, dialect.terminations, dialect.acknowledgement)
+        manner = Manner.of(daq, *dialect.manner)
         self._is_supply = session is not None
         if session is not None:
             session.must_fit(manner)
@@ -321,13 +321,20 @@ class ScpiDaq:
     def open(self) -> None:
         """Connect, check who answers, program channel list and block.  Raises InstrumentLost or InstrumentRefused."""
         self._channels.check(f"dialect '{self._dialect.path.stem}'", self._dialect.measures_celsius)
+        columns, last = self._queries["read"].columns, self._channels.numbers[-1]
+        if columns and last > columns:
+            raise InstrumentRefused(
+                f"instruments.daq: channel {last} is wanted; an answer of {self._dialect.family} has {columns} columns"
+            )
         if self._claim is None and not self._is_supply:
             self._claim = self._session.claim(
                 "its list of channels is one for all who ask: each would read the other's"
             )
-        with self._session.within(OPENING_ANSWERS * self._instrument.timeout):
+        pause_s = 0.0 if self._is_supply else self._instrument.opening_pause
+        with self._session.within(pause_s + OPENING_ANSWERS * self._instrument.timeout):
             if not self._is_supply:
                 self._session.open()
+                self._session.let_begin(pause_s)
             self.identity = _identify(self._session, self._dialect, self._queries)
             _forget_errors(self._session, self._queries, self._dialect.lines("clear_status"))
             self._session.tell(*self._dialect.lines("prepare", **self._values))
@@ -340,7 +347,9 @@ class ScpiDaq:
         query = self._queries["read"]
         with self._session.within():
             self._session.tell(*self._dialect.lines("before_read", **self._values))
-            values = self._session.ask_for(query.text, lambda reply: self._means(query.numbers(reply)))
+            values = self._session.ask_for(
+                query.text, lambda reply: self._means(query.numbers(reply, self._channels.numbers))
+            )
         return self._channels.reading(self._clock.now_s(), values)
 
     def _means(self, numbers: list[float]) -> list[float]:
@@ -349,7 +358,7 @@ class ScpiDaq:
         wanted = len(self._channels.numbers)
         if len(numbers) == wanted:
             return numbers
-        if len(numbers) != self._values["readings"]:
+        if not self._queries["read"].columns and len(numbers) != self._values["readings"]:
             raise ValueError
         return np.array(numbers).reshape(-1, wanted).mean(axis=0).tolist()
 

@@ -140,13 +140,19 @@ class Session:
         self._begin(stream)
         self.say_off()
 
+    def let_begin(self, pause_s: float) -> None:
+        """Leave it time after its line was opened, and forget what it says meanwhile."""
+        if pause_s > 0.0:
+            time.sleep(pause_s)
+            self._do("its beginning", lambda stream: stream.unread())
+
     def _begin(self, stream: ByteStream | None) -> None:
         self._stream = stream
         self._midline = False  #: a line was begun and not ended
         self._got = b""  #: received, and not a whole line yet
         self._answered = False  #: a question, on this connection
         self._told: list[str] = []  #: lines that have no answer, since the last question
-        self._owed = 0  #: acknowledgements of blind lines
+        self._owed: list[str] = []  #: lines told blind, and questions, whose acknowledgement is still to come
         self._asked: tuple[str, float] | None = None  #: the line that an answer is wanted to, and when it was sent
         self._free_s = -math.inf  #: when the next line may go
 
@@ -209,11 +215,18 @@ class Session:
             while self._acknowledges(text):  # a late one, of a connection before this
                 text = self._line(f"'{line}'", by_s)
             self._asked = None
+            if self._manner.acknowledges_answers:
+                self._owed.append(line)
             if text == line:
-                raise self.give_up(f"repeats what it is asked, '{line}': {self._for_people}, or its echo is on")
-            if self._got:
+                raise self.give_up(f"repeats what it is asked, '{line}': its echo is on, or {self._for_people}")
+            if self._got and not self._owed:
                 both = f"'{_shown(text)}', '{_shown(self._got)}'"
-                raise self.give_up(f"answered '{line}' with more than one line: {both}{self._advice(text)}")
+                advice = self._advice(text)
+                if self._manner.acknowledgement is not None:
+                    advice = (
+                        f"; where '{self._wanted}' follows each answer, put acknowledges_answers: true into its dialect"
+                    )
+                raise self.give_up(f"answered '{line}' with more than one line: {both}{advice}")
             try:
                 if not text or not text.replace("\t", " ").isprintable():
                     raise ValueError
@@ -241,9 +254,9 @@ class Session:
                     lines.append(self._line(f"'{line}'", until_s))
             said = lines[-1] if lines[-1] == line or identity.search(lines[-1]) else lines[0]
             if said == line:
-                raise self.give_up(f"repeats what it is asked, '{line}': {self._for_people}, or its echo is on")
+                raise self.give_up(f"repeats what it is asked, '{line}': its echo is on, or {self._for_people}")
             if not said or not said.replace("\t", " ").isprintable():
-                raise self.garbled(line, said)
+                raise self.garbled(line, said, "", self.may_begin_anew)
             if said != lines[0] and self._manner.acknowledgement is None:
                 if not self._told:
                     raise self.give_up(f"said '{_shown(lines[0])}' without being asked: {self._for_people}")
@@ -252,6 +265,8 @@ class Session:
                     f"{self.name}: it answers commands ('{_shown(lines[0])}' to '{self._told[0]}'): put "
                     f"acknowledgement: '{_shown(lines[0])}' into its dialect (docs/dialects.md)"
                 )
+            if self._manner.acknowledges_answers:
+                self._owed.append(line)
             self._answered = True
             self._told.clear()
         return said
@@ -262,11 +277,12 @@ class Session:
         self.close()
         return InstrumentLost(f"{self.name}: {why}")
 
-    def garbled(self, line: str, reply: str, why: str = "") -> InstrumentLost:
+    def garbled(self, line: str, reply: str, why: str = "", advice: str = "") -> InstrumentLost:
         """The error for an answer that is none; the connection is given up, since its order is lost."""
         reading = f" ({_shown(why)}; its dialect says how to read it: answer, field, yes and no)" if why else ""
         return self.give_up(
-            f"answered '{_shown(reply)}' to '{line}', which is not an answer to that{reading}{self._advice(reply)}"
+            f"answered '{_shown(reply)}' to '{line}', which is not an answer to that{reading}"
+            f"{advice or self._advice(reply)}"
         )
 
     def _advice(self, said: str) -> str:
@@ -372,9 +388,8 @@ class Session:
             self._line(f"'{line}'", min(by_s, asked_s + self.patience_s) if self.patience_s else by_s)
             self._asked = None
         while self._owed:
-            self._owed -= 1
-            last = self._told[-1] if self._told else self.off_lines[-1]  # another thread may have said them
-            self._line(f"'{last}', or a line before it, where acknowledgement '{self._wanted}' was wanted", by_s)
+            line = self._owed.pop(0)
+            self._line(f"'{line}', where acknowledgement '{self._wanted}' was wanted", by_s)
 
     def _must_be_silent(self, line: str, by_s: float) -> None:
         """Nothing may have come before ``line`` is sent but what acknowledges a line of an earlier connection."""
@@ -389,7 +404,7 @@ class Session:
     def _owe(self, *lines: str) -> None:
         self._told += lines
         if self._manner.acknowledgement is not None:
-            self._owed += len(lines)
+            self._owed += lines
 
     def _acknowledges(self, text: str) -> bool:
         pattern = self._manner.acknowledgement
@@ -451,8 +466,9 @@ class Session:
                     f"; with the {self._answers} answers before it that took {took_s:.2g} s, and "
                     f"instruments.{self.role}.timeout is the time for all of them together"
                 )
-            if not self._answered and self.resource.upper().startswith("ASRL"):
+            if not self._answered and self._is_serial:
                 begun += f"; is instruments.{self.role}.serial.baud_rate, {self._manner.serial.baud_rate}, right?"
+                begun += self.may_begin_anew
             why = f"no complete answer to {what} within {self._timeout_s:g} s{begun}"
             if self._asked is not None and self._is_patient:
                 asked_s = self._asked[1]
@@ -464,11 +480,24 @@ class Session:
             raise self.give_up(f"the connection broke at {what} ({error})") from error
 
     @property
+    def may_begin_anew(self) -> str:
+        """What may be so where a DAQ on a serial line does not say what it was asked; to end a sentence with."""
+        if self.role != "daq" or not self._is_serial:
+            return ""
+        return "; does it begin anew when its line is opened, as many an Arduino (instruments.daq.opening_pause)?"
+
+    @property
+    def _is_serial(self) -> bool:
+        return self.resource.upper().startswith("ASRL")
+
+    @property
     def _out_of_step(self) -> str:
         return "its answers and our questions are out of step"
 
     @property
     def _for_people(self) -> str:
+        if self._is_serial:
+            return "it speaks by itself, and one that speaks when it is asked is wanted"
         return (
             f"instruments.{self.role}.resource may name a port for people; the one for programs is wanted, often 5025"
         )

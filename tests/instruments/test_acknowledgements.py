@@ -5,6 +5,7 @@ import os
 import re
 import threading
 import time
+from unittest.mock import Mock
 
 import pytest
 import yaml
@@ -13,6 +14,7 @@ from hanging import hanging
 from serial_line import SerialInstrument
 from tcp_line import TcpInstrument
 
+from sma_actuator.base.parameters import ConfigError
 from sma_actuator.config import Config
 from sma_actuator.instruments import InstrumentError, InstrumentLost, InstrumentRefused, open_daq
 from sma_actuator.instruments.byte_streams import Manner
@@ -45,6 +47,36 @@ def test_a_supply_that_answers_commands_is_driven(tmp_path, supply_of, served, s
         supply.switch_off()
         assert not supply.read_back().output_on
         assert instrument.settings == {**instrument.settings, "OUTP": "0", "CURR": "0.000", "VOLT": "6.000"}
+
+
+@pytest.mark.parametrize("says_so", [True, False])
+def test_an_answer_may_be_acknowledged_too(tmp_path, supply_of, served, says_so):
+    """As by B&K 1685B, PeakTech 1535 and a Fluke Hydra, whose prompt follows whatever it says."""
+    instrument = Answering()
+
+    def answer(line):
+        reply = instrument(line)
+        return reply if reply == "OK" else f"{reply}\nOK"
+
+    with served(answer) as line:
+        supply = supply_of(line, dialect(tmp_path, acknowledgement="OK", acknowledges_answers=says_so))
+        if says_so:
+            supply.open()
+            for current_A in (0.1, 0.2):
+                supply.set_current(current_A)
+                supply.set_output(True)
+                state = supply.read_back()
+                assert (state.output_on, state.current_setting_A, state.voltage_V) == (True, current_A, 0.5)
+            assert supply.shut_down()
+            assert instrument.settings["OUTP"] == "0"
+        elif served is TcpInstrument:  # a serial line is read byte by byte, and the rest taken for a late one
+            with pytest.raises(InstrumentLost, match="where 'OK' follows each answer, put acknowledges_answers: true"):
+                supply.open()
+
+
+def test_where_answers_are_acknowledged_it_is_said_how(tmp_path, supply_of):
+    with pytest.raises(ConfigError, match="acknowledges_answers: acknowledgement is missing"):
+        supply_of(Mock(resource="TCPIP::127.0.0.1::9::SOCKET"), dialect(tmp_path, acknowledges_answers=True))
 
 
 def test_off_is_confirmed_while_answers_to_blind_lines_lie_in_the_buffer(tmp_path, supply_of, served):
