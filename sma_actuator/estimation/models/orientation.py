@@ -1,17 +1,22 @@
 """How long a wire's martensite is: as the load made it under which it formed.
 
 Martensite is oriented by the load under which it forms.  Some wires keep that when the load becomes less, and a heavier
-one turns cold martensite not as far as if it had formed there (detwinning); what becomes austenite takes its share
-along.  A model that is calibrated under constant loads takes all martensite for formed under the present one: this
-memory says how much longer the wire is than that, and how much more resistance it has therefore.  Under a spring, after
-a change of the load, and in a wire that hung elsewhere before, that is several per cent of the stroke.
+one turns cold martensite not as far as if it had formed there (detwinning).  A model that is calibrated under constant
+loads takes all martensite for formed under the present one: this memory says how much longer the wire is than that, and
+how much more resistance it has therefore.  Under a spring, after a change of the load, and in a wire that hung
+elsewhere before, that is several per cent of the stroke.
+
+Which martensite becomes austenite first is told in two ways.  Where grains transform one after the other, what formed
+last goes first, and a small cycle leaves the rest as it is; where all of a wire does what its mean does, each part goes
+in its share.  Nothing that is calibrated with tells them apart: the memory keeps both, and takes the mean.
 
 A cold wire is a strain gauge besides: that its resistance differs from the usual at this load says how much longer it
 is, where nobody knows under which load it has cooled.
 
 After H^cur(σ) of D. C. Lagoudas, D. Hartl, Y. Chemisky, L. Machado, P. Popov, "Constitutive model for the numerical
-analysis of phase transformation in polycrystalline shape memory alloys", Int. J. Plast. 32–33 (2012) 155, with the
-strain at which a transformation turns back.
+analysis of phase transformation in polycrystalline shape memory alloys", Int. J. Plast. 32–33 (2012) 155, where the
+strain at which a transformation turns back goes in its share; that what formed last goes first is the return-point
+memory of I. D. Mayergoyz, "Mathematical models of hysteresis" (1991).
 """
 
 from __future__ import annotations
@@ -23,12 +28,14 @@ import numpy as np
 from sma_actuator.base.jit import Floats, floats, jit
 from sma_actuator.base.lookup import looked_up
 
-#: What is remembered: the martensite's share of the stroke, smooth; the length of what is known to have formed [m]; how
-#: much longer the wire was in the beginning, as much of it as has not become austenite [m], and half of a 95 % interval
-#: of that [m]; of a cold wire how many readings of its resistance were taken, and by how much they are more than usual,
-#: mean [Ω].
-_SHARE, _LENGTH_m, _BEGAN_m, _UNSURE_m, _READINGS, _MORE_Ohm = range(6)
-REMEMBERED = 6
+#: What is remembered: the martensite's share of the stroke, smooth; how much longer the wire was in the beginning [m],
+#: half of a 95 % interval of that [m], what is left of it, the lowest share since, and how sure it is, 0 to 1; of a
+#: cold wire how many readings of its resistance were taken, and by how much they are more than usual, mean [Ω]; the
+#: length of what has formed where each part goes in its share [m]; and where the last goes first the stroke under the
+#: load that each layer of martensite formed under [m], the first that formed at first.
+_SHARE, _BEGAN_m, _UNSURE_m, _LOWEST, _SURE, _READINGS, _MORE_Ohm, _MIXED_m, _FORMED_m = range(9)
+LAYERS = 20  #: as fine as a share is followed, twice its play
+REMEMBERED = _FORMED_m + LAYERS
 #: So far may the share go to and fro before it counts: noise is no transformation.
 PLAY = 0.01
 #: Up to so many kelvins above its surroundings a wire is cold.
@@ -82,23 +89,40 @@ def stroke_m(stress_Pa: float, ends: np.ndarray) -> float:
 
 
 @jit
-def begin(share: float, longer_m: float, stress_Pa: float, ends: np.ndarray, state: Floats) -> None:
-    """The wire has this share of martensite, and is so much longer than under this load alone."""
-    state[_SHARE], state[_BEGAN_m] = share, longer_m
-    state[_LENGTH_m] = share * stroke_m(stress_Pa, ends)
+def begin(share: float, longer_m: float, sure: float, stress_Pa: float, ends: np.ndarray, state: Floats) -> None:
+    """The wire has this share of martensite, and is so much longer than under this load alone, which is so sure."""
+    state[_SHARE], state[_BEGAN_m], state[_LOWEST], state[_SURE] = share, longer_m, 1.0, sure
+    here_m = stroke_m(stress_Pa, ends)
+    state[_MIXED_m] = share * here_m
+    for j in range(LAYERS):
+        state[_FORMED_m + j] = here_m
+
+
+@jit
+def _formed_m(here_m: float, known: np.ndarray, state: Floats) -> tuple[float, float]:
+    """How much longer what has formed is than under a load with this stroke, if the last goes first, and if each part
+    goes in its share."""
+    layers, in_turn_m = max(state[_SHARE], 0.0) * LAYERS, 0.0
+    for j in range(min(int(layers) + 1, LAYERS)):
+        in_turn_m += (state[_FORMED_m + j] - here_m) * min(layers - j, 1.0) / LAYERS
+    mixed_m = state[_MIXED_m] - here_m * state[_SHARE]
+    stays = known[STAYS]
+    return in_turn_m * (stays if in_turn_m > 0.0 else 1.0), mixed_m * (stays if mixed_m > 0.0 else 1.0)
 
 
 @jit
 def longer_m(stress_Pa: float, ends: np.ndarray, known: np.ndarray, state: Floats) -> float:
     """How much longer the wire is than if all its martensite had formed under the present load."""
-    formed_m = state[_LENGTH_m] - stroke_m(stress_Pa, ends) * state[_SHARE]
-    return state[_BEGAN_m] + (known[STAYS] * formed_m if formed_m > 0.0 else formed_m)
+    in_turn_m, mixed_m = _formed_m(stroke_m(stress_Pa, ends), known, state)
+    return state[_LOWEST] * state[_BEGAN_m] + 0.5 * (in_turn_m + mixed_m)
 
 
 @jit
 def unsure_m(stress_Pa: float, ends: np.ndarray, known: np.ndarray, state: Floats) -> float:
     """How far off that may be, half of a 95 % interval."""
-    return state[_UNSURE_m] + WITHIN * abs(longer_m(stress_Pa, ends, known, state))
+    in_turn_m, mixed_m = _formed_m(stroke_m(stress_Pa, ends), known, state)
+    followed_m = WITHIN * abs(longer_m(stress_Pa, ends, known, state))
+    return state[_LOWEST] * state[_UNSURE_m] + followed_m + 0.5 * abs(in_turn_m - mixed_m)
 
 
 @jit
@@ -107,12 +131,25 @@ def follow(share: float, stress_Pa: float, ends: np.ndarray, known: np.ndarray, 
     was, here_m = state[_SHARE], stroke_m(stress_Pa, ends)
     now = min(max(was, share - PLAY), share + PLAY)
     if now > was:
-        state[_LENGTH_m] += here_m * (now - was)
-    elif was > 0.0:
-        for each in (_LENGTH_m, _BEGAN_m, _UNSURE_m):
-            state[each] *= now / was
-    state[_LENGTH_m] = max(state[_LENGTH_m], known[TURNED] * here_m * now)
-    state[_SHARE] = now
+        state[_MIXED_m] += here_m * (now - was)
+        before, after = max(was, 0.0) * LAYERS, max(now, 0.0) * LAYERS
+        for j in range(int(before), min(int(after) + 1, LAYERS)):
+            filled = min(after - j, 1.0)
+            if filled > 0.0:
+                state[_FORMED_m + j] += (here_m - state[_FORMED_m + j]) * (filled - max(before - j, 0.0)) / filled
+    elif now < was:
+        state[_MIXED_m] *= max(now, 0.0) / was
+        # As long as it has only contracted, what is left formed, on the same spring, under the load that it has now.
+        guessed = 1.0 - state[_SURE]
+        state[_MIXED_m] += guessed * (here_m * max(now, 0.0) - state[_MIXED_m])
+        for j in range(min(int(max(now, 0.0) * LAYERS) + 1, LAYERS)):
+            state[_FORMED_m + j] += guessed * (here_m - state[_FORMED_m + j])
+    state[_SHARE], state[_LOWEST] = now, min(state[_LOWEST], max(now, 0.0))
+    if now > state[_LOWEST] + 1.0 / LAYERS:
+        state[_SURE] = 1.0
+    state[_MIXED_m] = max(state[_MIXED_m], known[TURNED] * here_m * now)
+    for j in range(LAYERS):
+        state[_FORMED_m + j] = max(state[_FORMED_m + j], known[TURNED] * here_m)
 
 
 @jit
@@ -139,7 +176,7 @@ def tell(
     square = measured**2 + contacts**2
     more = max(found**2 - square, 0.0)
     share = more / (square + more)
-    begin(1.0, max(share * found, (SHORTEST - 1.0) * stroke), stress_Pa, ends, state)
+    begin(1.0, max(share * found, (SHORTEST - 1.0) * stroke), share, stress_Pa, ends, state)
     more = max(more, (USUALLY * stroke * max(known[STAYS], 1.0 - known[TURNED])) ** 2)
     state[_UNSURE_m] = 2.0 * sqrt(square * more / (square + more)) + share * WITHIN * abs(found)
 
@@ -165,7 +202,8 @@ def longer_all_m(
         if first[i]:
             length_m = displacement_m[i] - hot_m
             share = 1.0 if cold[i] else min(max(length_m / here_m, 0.0), 1.0)
-            begin(share, length_m - share * here_m if cold[i] else 0.0, stress_Pa[i], ends, state)
+            began_m, sure = (length_m - share * here_m, 1.0) if cold[i] else (0.0, 0.0)
+            begin(share, began_m, sure, stress_Pa[i], ends, state)
         share = (displacement_m[i] - hot_m - longer_m(stress_Pa[i], ends, known, state)) / here_m
         follow(min(max(share, 0.0), 1.0), stress_Pa[i], ends, known, state)
         out[i] = longer_m(stress_Pa[i], ends, known, state)

@@ -417,7 +417,7 @@ def advance(
     state[_SHARE] = share
     if remembers:
         if first and not orientation.told(oriented):
-            orientation.begin(state[_SHARE], 0.0, stress, n.ends, oriented)
+            orientation.begin(state[_SHARE], 0.0, 0.0, stress, n.ends, oriented)
         orientation.follow(state[_SHARE], stress, n.ends, n.martensite, oriented)
         out[3] = orientation.longer_m(stress, n.ends, n.martensite, oriented)
         out[0] += out[3]

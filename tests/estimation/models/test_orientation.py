@@ -39,7 +39,7 @@ def wire(stays=1.0, turned=1.0):
 def driven(known, *course, first=(1.0, LIGHT_Pa)):
     """Its memory after it had these shares of martensite under these loads, one after the other."""
     state = nothing_known()
-    begin(first[0], 0.0, first[1], ENDS, state)
+    begin(first[0], 0.0, 1.0, first[1], ENDS, state)
     for share, stress_Pa in course:
         follow(share, stress_Pa, ENDS, known, state)
     return state
@@ -84,6 +84,47 @@ def test_what_becomes_austenite_takes_its_share_along(left):
     known = wire()
     state = driven(known, (max(left - PLAY, 0.0), LIGHT_Pa), (1.0 + PLAY, LIGHT_Pa), first=(1.0, HEAVY_Pa))
     assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(left * (HEAVY_m - LIGHT_m), abs=PLAY * HEAVY_m)
+
+
+@given(
+    course=st.lists(st.tuples(st.floats(0.0, 1.0), st.floats(0.0, 200e6)), min_size=1, max_size=30),
+    stays=st.floats(0.0, 1.0),
+    turned=st.floats(0.0, 1.0),
+    sure=st.floats(0.0, 1.0),
+)
+def test_whatever_it_went_through_it_is_as_long_as_one_of_its_loads_makes_it_at_most(course, stays, turned, sure):
+    known, state = wire(stays, turned), nothing_known()
+    begin(course[0][0], 0.0, sure, course[0][1], ENDS, state)
+    stroke_m = [ENDS[1, 0] + ENDS[1, 1] * stress_Pa - ENDS[0, 0] for _, stress_Pa in course]
+    for share, stress_Pa in course:
+        follow(share, stress_Pa, ENDS, known, state)
+        assert abs(longer_m(stress_Pa, ENDS, known, state)) <= max(stroke_m) - min(stroke_m) + 1e-12
+        assert unsure_m(stress_Pa, ENDS, known, state) >= 0.0
+
+
+def test_a_small_cycle_is_between_last_first_and_each_in_its_share():
+    """Half becomes austenite, forms again under the light load and becomes austenite once more: of what formed under
+    the heavy one all is left if the last goes first, half if each part goes in its share."""
+    known, half = wire(), ((0.5 - PLAY, LIGHT_Pa), (1.0 + PLAY, LIGHT_Pa), (0.5 - PLAY, LIGHT_Pa))
+    state = driven(known, *half, first=(1.0, HEAVY_Pa))
+    assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(0.375 * (HEAVY_m - LIGHT_m))
+    unsure = WITHIN * 0.375 + 0.125
+    assert unsure_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(unsure * (HEAVY_m - LIGHT_m))
+
+
+@pytest.mark.parametrize("sure", [0.0, 0.5, 1.0])
+def test_a_wire_on_a_spring_is_taken_for_cooled_on_it_where_its_length_is_not_told(sure):
+    known, state = wire(turned=0.0), nothing_known()
+    begin(1.0, 0.0, sure, LIGHT_Pa, ENDS, state)
+    follow(0.5 - PLAY, HEAVY_Pa, ENDS, known, state)
+    shorter_m = 0.5 * sure * (HEAVY_m - LIGHT_m)
+    assert longer_m(HEAVY_Pa, ENDS, known, state) == pytest.approx(-shorter_m, abs=1e-9)
+    # Once it has stretched it is known what formed when: another load is no other spring.
+    follow(0.75 + PLAY, HEAVY_Pa, ENDS, known, state)
+    follow(0.5 - PLAY, LIGHT_Pa, ENDS, known, state)
+    left_m = 0.5 * (1.0 - sure) * (HEAVY_m - LIGHT_m)
+    in_turn, mixed = left_m, left_m + (0.25 * sure / 1.5) * (HEAVY_m - LIGHT_m)
+    assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(0.5 * (in_turn + mixed), rel=0.02, abs=1e-6)
 
 
 def test_noise_of_the_share_is_no_transformation():
