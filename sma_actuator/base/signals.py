@@ -47,6 +47,7 @@ class SupplyState:
     voltage_V: float
     current_A: float
     tripped: str = ""  #: "" or a comma-joined list of OVP, OCP, OTP, WDOG
+    cut_off_A: float = 0.0  #: of the current that it was told last, what the digits of that command left out
 
 
 @record(frozen=True, slots=True)

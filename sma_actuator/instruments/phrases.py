@@ -74,6 +74,12 @@ class Command:
             values = {**values, "value": type(value)(value * self.scale)}
         return [text.format(**values) for text in self.texts]
 
+    def written(self, value: float) -> float:
+        """What the digits that its texts have leave of a value."""
+        digits = (how for text in self.texts for _, field, how, _ in string.Formatter().parse(text) if field == "value")
+        scaled = type(value)(value * self.scale)
+        return float(format(scaled, next(digits) or "")) / self.scale
+
 
 @dataclass(frozen=True, slots=True)
 class Query:

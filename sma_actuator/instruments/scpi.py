@@ -105,6 +105,7 @@ class ScpiSupply(SessionSupply):
         channel = instrument.channel
         self._queries, self._trips = dialect.asked(channel=channel)
         self._told_A = 0.0  #: the current that it was told last
+        self._cut_off_A = 0.0  #: of that, what the digits of its dialect left out
         manner = Manner.of(instrument, *dialect.manner)
         super().__init__(config, manner, dialect.off_lines(channel), dialect.lines("unlock", channel=channel))
 
@@ -119,8 +120,9 @@ class ScpiSupply(SessionSupply):
         return _read_back(self._dialect)
 
     def _tell_current(self, current_A: float) -> None:
-        self._tell("set_current", _RoundedDown(max(current_A, self._dialect.zero_current_A)))
-        self._told_A = current_A
+        value = _RoundedDown(max(current_A, self._dialect.zero_current_A))
+        self._tell("set_current", value)
+        self._told_A, self._cut_off_A = current_A, value - self._dialect.commands["set_current"].written(value)
 
     def _tell_output(self, on: bool) -> None:
         self._tell("output_on" if on else "output_off")
@@ -140,11 +142,13 @@ class ScpiSupply(SessionSupply):
             asked |= measured
         asked |= {word: (query.text, partial(self._trip, word, query)) for word, query in self._trips.items()}
         with self._session.within():
-            values = {"setting": self._told_A, "voltage": 0.0, "current": 0.0} | self._ask_all(asked)
+            nothing = {"setting": self._told_A - self._cut_off_A, "voltage": 0.0, "current": 0.0}
+            values = nothing | self._ask_all(asked)
             if values["output"] and not self._dialect.measures_while_off:
                 values |= self._ask_all(measured)
         tripped = ",".join(filter(None, (values[word] for word in self._trips)))
-        return SupplyState(nan, values["setting"], values["output"], values["voltage"], values["current"], tripped)
+        flows = values["voltage"], values["current"]
+        return SupplyState(nan, values["setting"], values["output"], *flows, tripped, self._cut_off_A)
 
     def _watchdog_holds(self) -> None:
         """Raise WatchdogNotHeld where the watchdog does not stand as it was armed."""
@@ -179,7 +183,7 @@ class ScpiSupply(SessionSupply):
 
     def _off(self, session: Session) -> None:
         super()._off(session)
-        self._told_A = 0.0
+        self._told_A = self._cut_off_A = 0.0
 
     def _configure(self) -> None:
         session, limits, dialect = self._session, self._limits, self._dialect

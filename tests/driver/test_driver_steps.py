@@ -336,7 +336,7 @@ class TestResolution:
         assert rig.status.fault == fault
         if fault:
             assert "the supply says 0.05 A, output on; it was told 0.0525 A, output on" in rig.status.message
-            assert "in steps coarser than 2 mA" in FAULTS[fault].advice
+            assert "in coarser steps than its dialect writes" in FAULTS[fault].advice
             assert not rig.supply.output_on
 
     def test_one_that_takes_no_current_at_all_is_refused(self, make):

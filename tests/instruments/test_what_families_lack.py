@@ -179,6 +179,25 @@ def test_an_answer_without_its_unit_is_none_where_one_is_said(tmp_path, supply_o
         supply.read_back()
 
 
+@pytest.mark.parametrize("asked", [True, False])
+@pytest.mark.parametrize("tell", ["CURR {value:.2f}", {"tell": "CURR {value:.0f}", "scale": 100}])
+def test_what_its_digits_leave_out_is_nobody_elses_command(tmp_path, supply_of, quiet, tell, asked):
+    """A supply that takes currents in steps of 10 mA."""
+    _, line = quiet
+    query = {"ask": "CURR?", "scale": 0.01 if isinstance(tell, dict) else 1.0}
+    entries = {"commands.set_current": tell, "queries.current_setting": query if asked else LEFT_OUT}
+    supply = supply_of(line, dialect(tmp_path, **entries))
+    supply.open()
+    for current_A, written_A in ((0.0955, 0.09), (0.05, 0.05), (0.0999, 0.09)):
+        supply.set_current(current_A)
+        state = supply.read_back()
+        assert (state.current_setting_A, state.cut_off_A) == pytest.approx(
+            (written_A, current_A - written_A), abs=1e-12
+        )
+    supply.switch_off()
+    assert (supply.read_back().current_setting_A, supply.read_back().cut_off_A) == (0.0, 0.0)
+
+
 def test_a_scale_never_lifts_a_current_over_its_limit(make_config, tmp_path):
     path = dialect(tmp_path, **{"commands.set_current": {"tell": "CURR {value:.0f}", "scale": 1000}})
     config = make_config(**{"instruments.supply.dialect": path, "supply.max_current": 0.3996})

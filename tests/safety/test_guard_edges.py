@@ -206,6 +206,8 @@ BOUNDS = [
     (second_commander, {"supply__current_setting_A": CURRENT_A - 0.0019}, False),
     (second_commander, {"supply__current_setting_A": CURRENT_A + 0.0021}, True),
     (second_commander, {"supply__current_setting_A": CURRENT_A - 0.0021}, True),
+    (second_commander, {"supply__current_setting_A": CURRENT_A - 0.0060, "supply__cut_off_A": 0.0045}, False),
+    (second_commander, {"supply__current_setting_A": CURRENT_A - 0.0060, "supply__cut_off_A": 0.0035}, True),
     (second_commander, {"supply__current_setting_A": NAN}, False),
     (second_commander, {"supply": None}, False),
     (second_commander, {"supply__output_on": False}, True),

@@ -79,9 +79,9 @@ output_not_confirmed: Fault = Fault(
 @guard(
     words="somebody else commands the supply",
     remedy="Let nobody else touch the supply: no second node, no hand at the front panel. If nobody does, it takes "
-    "currents in "
-    "steps coarser than 2 mA, or not all of them: another supply is wanted",
-    detector="current setting (by more than 2 mA) or output state reads back as something that was not commanded",
+    "currents in coarser steps than its dialect writes, as {value:.2f} for 10 mA, or not all of them",
+    detector="current setting (by more than 2 mA, and what its dialect's digits leave out) or output state reads back "
+    "as something that was not commanded",
     within=TWO_STEPS,
     action=Action.OFF,
     latches=True,
@@ -92,7 +92,8 @@ def second_commander(step: Step) -> str:
     supply, told = step.supply, step.told
     if supply is None or supply.tripped or not isfinite(supply.current_setting_A):
         return ""
-    same_setting = not told.output_on or abs(supply.current_setting_A - told.current_A) <= SETTING_TOLERANCE_A
+    setting_A = supply.current_setting_A + supply.cut_off_A
+    same_setting = not told.output_on or abs(setting_A - told.current_A) <= SETTING_TOLERANCE_A
     if same_setting and supply.output_on == told.output_on:
         return ""
     return (
