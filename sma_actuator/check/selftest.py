@@ -20,6 +20,7 @@ from sma_actuator.config import BenchConfig, Config
 from sma_actuator.derived import not_survived
 from sma_actuator.estimation.circuit import signals_from_reading
 from sma_actuator.instruments import Clock, Daq, InstrumentError, PowerSupply
+from sma_actuator.safety.alive import RARE
 from sma_actuator.safety.supervisor import may_flow_W, unwatched_s
 from sma_actuator.safety.thermal import WireHeat
 
@@ -254,7 +255,25 @@ class SelfTest:
                 )
         if passed(self.found):
             self._say("noise", "zeros and noise of the channels are what they may be")
+        self._digits(values["load_cell_voltage_V"])
         self._load(values)
+
+    def _digits(self, load_cell_V: np.ndarray) -> None:
+        """Do they change where nothing moves, so that by chance alone the load cell is not taken for stuck?"""
+        rate_Hz, stuck_s = self._config.loop.rate, self._config.safety.stuck_time
+        alike = float(np.mean(np.diff(load_cell_V) == 0.0))
+        if not 0.0 < alike < 1.0:  # of one that never changes ``_at_bias`` speaks
+            return
+        chance_s = math.log(RARE) / math.log(alike) / rate_Hz
+        if chance_s <= stuck_s:
+            return
+        self._say(
+            "digits",
+            f"{100.0 * alike:.0f} % of the load cell's readings are like the one before to the last digit, so that it "
+            f"would be taken for stuck after safety.stuck_time, {stuck_s:g} s: write safety.stuck_time: "
+            f"{math.ceil(chance_s)}, or give it more gain, or more digits",
+            Level.WARNING,
+        )
 
     def _rate(self, time_s: np.ndarray) -> None:
         # A slow DAQ is slow with every block, a busy computer with some: the quickest tenth are the DAQ's.
@@ -370,7 +389,7 @@ class SelfTest:
                 self._end(
                     "channels",
                     f"the channel of the {_WORDS[name]} reads {values[name][0]:g} V to the last digit: nothing is "
-                    "connected to it, or it is stuck",
+                    "connected to it, it is stuck, or its digits are coarser than any noise",
                 )
         supply_V, reference_V = (float(np.mean(values[n])) for n in ("supply_voltage_V", "reference_voltage_V"))
         self._current(supply_V, reference_V, state.current_A, state.voltage_V)

@@ -155,6 +155,24 @@ def test_a_wire_without_a_model_is_looked_at_too_before_it_is_heated(tmp_path, c
     assert "circuit.reference_resistance: missing" in capsys.readouterr().err
 
 
+def test_a_load_cell_whose_digits_are_coarse_would_be_taken_for_stuck():
+    """A converter of 16 bits, ±10 V, of which one sample is read, as a DAQ without memory does."""
+
+    def coarse(stand):
+        stand.chain(noise_V=(1.5e-4,) * 4 + (0.02,))
+        stand.change(loop__samples_per_block=1, loop__rate=5.0, safety__reading_timeout=3.0)
+
+    stand = Stand(coarse)
+    assert passed(stand.found), stand.wrong
+    (said,) = [each for each in stand.found if each.part == "digits"]
+    assert said.level is Level.WARNING
+    said_s = re.search("taken for stuck after safety.stuck_time, 2 s: write safety.stuck_time: (.*?),", said.sentence)[
+        1
+    ]
+    stand = Stand(lambda stand: (coarse(stand), stand.change(safety__stuck_time=float(said_s))))
+    assert "digits" not in [each.part for each in stand.found]
+
+
 def test_without_a_load_the_sign_of_the_load_cell_is_not_told():
     stand = Stand(load_N=0.0)
     (said,) = [each for each in stand.found if each.part == "load cell"]

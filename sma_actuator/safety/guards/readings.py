@@ -141,7 +141,8 @@ def reading_implausible(step: Step) -> str:
 
 @guard(
     words="a channel is stuck",
-    remedy="Check that channel's cable and amplifier",
+    remedy="Check that channel's cable and amplifier; where its digits are coarse, `sma-actuator check` says how long "
+    "it may stand",
     detector="not one changed digit for safety.stuck_time on a voltage or load cell channel while current flows",
     within=parameter_value("safety.stuck_time") + TWO_STEPS,
     action=Action.OFF,
