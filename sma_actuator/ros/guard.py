@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -69,6 +70,24 @@ def _refusal(response: Any, request: Any, sentence: str) -> Any:
     return response
 
 
+class _Executor(SingleThreadedExecutor):
+    """That of rclpy, but for what cannot be taken (a request, a message, a timer that is due): where that raises, rclpy
+    never gives the callback group free again, and so hears nothing more of what the node has but its news."""
+
+    def _make_handler(self, entity: Any, node: Node, take_from_wait_list: Callable[[Any], Any]) -> Any:
+        def take(entity: Any) -> Any:
+            try:
+                return take_from_wait_list(entity)
+            except Exception as error:  # noqa: BLE001 - raised again where rclpy has an end for it
+                return partial(_raise, error)
+
+        return super()._make_handler(entity, node, take)
+
+
+async def _raise(error: Exception) -> None:
+    raise error
+
+
 def spin(
     node: Node,
     on_error: Callable[[Exception], None],
@@ -79,7 +98,7 @@ def spin(
 
     ``turn`` is called after each of them, and after ``longest_wait_s`` without any.
     """
-    executor = SingleThreadedExecutor(context=node.context)
+    executor = _Executor(context=node.context)
     executor.add_node(node)
     while node.context.ok():
         try:

@@ -1,10 +1,12 @@
 """What raises in a callback is refused with a sentence; the node, the executor and the next message go on."""
 
+import threading
 from types import SimpleNamespace
 
 import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed (extra 'ros')")
+import rclpy
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import Parameter
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
@@ -106,7 +108,7 @@ def spun(monkeypatch, *ends, **more):
     node = SimpleNamespace(shut_down=False)
     node.context = SimpleNamespace(ok=lambda: not node.shut_down)
     executor = Executor(ends, node)
-    monkeypatch.setattr(guard, "SingleThreadedExecutor", lambda context: executor if context is node.context else None)
+    monkeypatch.setattr(guard, "_Executor", lambda context: executor if context is node.context else None)
     monkeypatch.setattr(guard.time, "sleep", paused_s.append)
     guard.spin(node, told.append, lambda: turns.append(1), **more)
     assert executor.nodes == [node]
@@ -126,3 +128,39 @@ def test_what_a_shutdown_raises_is_no_error(monkeypatch):
     told, _, paused_s, executor = spun(monkeypatch, None, ExternalShutdownException(), None)
     assert told == paused_s == [] and len(executor.ends) == 1
     assert spun(monkeypatch, ValueError("of a context that is gone"))[0] == []
+
+
+class Unreadable:
+    """Of a service: the type whose requests cannot be taken."""
+
+    @property
+    def Request(self):
+        raise OSError("no room for it")
+
+
+def test_what_cannot_be_taken_leaves_all_else_heard(client):
+    """rclpy held the callback group, which is one for all that a node has: it answered nobody any more."""
+
+    def answer(_, response):
+        response.success = True
+        return response
+
+    context, told = rclpy.Context(), []
+    rclpy.init(args=[], context=context)
+    node = rclpy.create_node("taker", context=context)
+    broken, _ = (node.create_service(Trigger, f"~/{name}", answer) for name in ("broken", "whole"))
+    kind, broken.srv_type = broken.srv_type, Unreadable()
+    thread = threading.Thread(target=guard.spin, args=(node, told.append))
+    thread.start()
+    try:
+        asking = client.node.create_client(Trigger, "/taker/broken")
+        client.spin_until(asking.service_is_ready)
+        asking.call_async(Trigger.Request())
+        client.spin_until(lambda: told, what="the error")
+        assert isinstance(told[0], OSError)
+        assert client.call("/taker/whole", Trigger).success
+        broken.srv_type = kind
+        assert client.call("/taker/broken", Trigger).success
+    finally:
+        rclpy.shutdown(context=context)
+        thread.join()
