@@ -1,5 +1,6 @@
 """DAQs that answer with all that they have, and that begin anew when their line is opened."""
 
+import contextlib
 import os
 import select
 import threading
@@ -18,7 +19,16 @@ from sma_actuator.instruments.clock import MonotonicClock
 CHANNELS = {"supply_voltage_channel": 1, "reference_voltage_channel": 2, "load_cell_channel": 4}
 
 
-def daq_of(make_config, tmp_path, resource, read, daq=CHANNELS, **entries):
+@pytest.fixture
+def daq_of(make_config, tmp_path):
+    """``daq_of(resource, read, daq, **entries)``: a DAQ of a dialect with that ``read``, not open yet."""
+    with contextlib.ExitStack() as stack:
+        yield lambda *how, **entries: stack.enter_context(
+            contextlib.closing(_daq_of(make_config, tmp_path, *how, **entries))
+        )
+
+
+def _daq_of(make_config, tmp_path, resource, read, daq=CHANNELS, **entries):
     document = {"kind": "daq", "queries": {"identity": None, "read": read}, "commands": {"clear_status": None}}
     (tmp_path / "mine.yaml").write_text(yaml.safe_dump(document | entries))
     section = {"resource": resource, "dialect": str(tmp_path / "mine.yaml"), **daq}
@@ -37,37 +47,36 @@ def daq_of(make_config, tmp_path, resource, read, daq=CHANNELS, **entries):
         ({"columns": 8, "separator": ""}, ">+01.500+2.5e-1-0.0000+00.750+00000+00000+00000+00000"),  # ADAM-4117
     ],
 )
-def test_channels_are_taken_out_of_all_columns(make_config, tmp_path, read, reply):
+def test_channels_are_taken_out_of_all_columns(daq_of, read, reply):
     with TcpInstrument(lambda line: reply) as line:
-        daq = daq_of(make_config, tmp_path, line.resource, {"ask": "r", **read})
+        daq = daq_of(line.resource, {"ask": "r", **read})
         daq.open()
         reading = daq.read_block()
-        daq.close()
     assert line.lines == ["r"]
     assert (reading.supply_voltage_V, reading.reference_voltage_V, reading.load_cell_voltage_V) == (1.5, 0.25, 0.75)
 
 
 @pytest.mark.parametrize("reply", ["1.5,0.25,0.0", "1.5,0.25,0.0,0.75,", "?01"])
-def test_an_answer_with_other_columns_is_none(make_config, tmp_path, reply):
+def test_an_answer_with_other_columns_is_none(daq_of, reply):
     with TcpInstrument(lambda line: reply) as line:
-        daq = daq_of(make_config, tmp_path, line.resource, {"ask": "r", "columns": 4})
+        daq = daq_of(line.resource, {"ask": "r", "columns": 4})
         daq.open()
         with pytest.raises(InstrumentLost, match="has . columns, not 4"):
             daq.read_block()
 
 
-def test_a_channel_beyond_the_columns_is_refused(make_config, tmp_path):
+def test_a_channel_beyond_the_columns_is_refused(daq_of):
     with TcpInstrument(lambda line: None) as line:
-        daq = daq_of(make_config, tmp_path, line.resource, {"ask": "r", "columns": 3}, family="three inputs")
+        daq = daq_of(line.resource, {"ask": "r", "columns": 3}, family="three inputs")
         with pytest.raises(InstrumentRefused, match="channel 4 is wanted; an answer of three inputs has 3 columns"):
             daq.open()
     assert line.lines == []
 
 
-def test_a_decimal_comma_and_lines_that_nobody_asked_for_are_called_so(make_config, tmp_path):
+def test_a_decimal_comma_and_lines_that_nobody_asked_for_are_called_so(daq_of):
     read = {"ask": "r", "columns": 4, "separator": ";"}
     with SerialInstrument(lambda line: "1,5;0,25;0;0") as line:
-        daq = daq_of(make_config, tmp_path, line.resource, read)
+        daq = daq_of(line.resource, read)
         daq.open()
         with pytest.raises(InstrumentLost, match="'1,5' has a decimal comma; a point is wanted"):
             daq.read_block()
@@ -131,20 +140,17 @@ def board():
 
 
 @pytest.mark.parametrize("pause_s", [0.0, 3 * BeginsAnew.BEGINS_s])
-def test_a_board_that_begins_anew_is_left_its_time(make_config, tmp_path, board, pause_s):
+def test_a_board_that_begins_anew_is_left_its_time(daq_of, board, pause_s):
     read = {"ask": "r", "columns": 4, "separator": " "}
     entries = {"identity": "board", "answer_termination": "\r\n", "queries": {"read": read}}
     section = {**CHANNELS, "opening_pause": pause_s, "timeout": 5.0}
-    daq = daq_of(make_config, tmp_path, board.resource, read, section, **entries)
-    try:
-        if pause_s:
-            for _ in range(2):
-                daq.open()
-                assert daq.identity == "board"
-                assert daq.read_block().load_cell_voltage_V == 4.0
-                daq.close()
-        else:
-            with pytest.raises(InstrumentLost, match=r"does it begin anew when .* \(instruments.daq.opening_pause\)"):
-                daq.open()
-    finally:
-        daq.close()
+    daq = daq_of(board.resource, read, section, **entries)
+    if pause_s:
+        for _ in range(2):
+            daq.open()
+            assert daq.identity == "board"
+            assert daq.read_block().load_cell_voltage_V == 4.0
+            daq.close()
+    else:
+        with pytest.raises(InstrumentLost, match=r"does it begin anew when .* \(instruments.daq.opening_pause\)"):
+            daq.open()
