@@ -258,8 +258,11 @@ class Session:
             if not said or not said.replace("\t", " ").isprintable():
                 raise self.garbled(line, said, "", self.may_begin_anew)
             if said != lines[0] and self._manner.acknowledgement is None:
-                if not self._told:
-                    raise self.give_up(f"said '{_shown(lines[0])}' without being asked: {self._for_people}")
+                if lines[:-1] != lines[:1] * len(self._told):  # to each line the same, or it is a greeting
+                    greeting = _shown("; ".join(lines[:-1]))
+                    raise self.give_up(
+                        f"said '{greeting}' without being asked: {self._for_people}{self._advice(lines[0])}"
+                    )
                 self.give_up("")
                 raise InstrumentRefused(
                     f"{self.name}: it answers commands ('{_shown(lines[0])}' to '{self._told[0]}'): put "

@@ -14,6 +14,7 @@ import pyvisa
 from sma_actuator.instruments import InstrumentLost, InstrumentRefused, InstrumentUnreachable, byte_streams
 from sma_actuator.instruments import session as session_module
 from sma_actuator.instruments.byte_streams import Manner, SocketStream
+from sma_actuator.instruments.patterns import Pattern
 from sma_actuator.instruments.session import Session
 
 TIMEOUT_s = 0.4  #: where an answer must not come
@@ -153,6 +154,15 @@ def test_a_port_that_greets_is_said_to_be_for_people(peer, session):
     assert select.select([session._stream._socket], [], [], 10.0)[0]
     with pytest.raises(InstrumentLost, match=r"said 'Welcome to the supply' without being asked: .* a port for people"):
         session.ask("*IDN?")
+
+
+def test_a_greeting_of_two_lines_is_not_taken_for_the_answers_to_the_off_lines(peer, session):
+    """As of a terminal server, "press any key": an acknowledgement is the same to each."""
+    session._timeout_s = PATIENT_s
+    peer.connection.sendall(b"\nport 3 ready\n")
+    peer.answer(b"MAKER,1\n")
+    with pytest.raises(InstrumentLost, match=r"said '; port 3 ready' without being asked: .* a port for people"):
+        session.introduce("*IDN?", Pattern("MAKER", whole=False))
 
 
 def test_what_comes_unasked_later_is_no_greeting(peer, session):
