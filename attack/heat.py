@@ -54,6 +54,7 @@ STRESSES = {"a light load": 0.1, "a middle load": 0.4, "the largest load": 0.99}
 ASKED, WANTED, BACK = 0.985, 0.98, 0.001  #: shares of the stroke
 #: Heated for half a minute: a wire that must be hot shows by then what heat it loses (safety.thermal.shown_loss_W_K).
 HOLD_s, SOON_s = 630.0, 30.0
+BEGUN_s = 30.0  #: so long before the driver began: one that has just begun does not know that a wire is cold
 #: Sections that `init` derives, and what is asked for.
 _DERIVED = ("supply", "thermal", "controller", "estimator", "safety")
 
@@ -230,7 +231,7 @@ class Heating:
         law = ByTruth(gains, bias_A, lambda: cold_m - per_K * (bench.hottest_C - AMBIENT_C), short_m)
         config = with_law(self.config, law)
         driver = Driver(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
-        driver.run_for(0.2)
+        driver.run_for(BEGUN_s)
         least, begin_s = math.inf, bench.time_s
         while bench.time_s < begin_s + seconds:
             driver.clear_fault()

@@ -14,7 +14,7 @@ from .reach import (
     PATIENCE_s,
 )
 from .records import Limit
-from .thermal import CAPACITY_WITHIN, LEAST_SLOPE_1_K, LOSING_TIMES, NOT_CONTRACTED_MARGIN, STANDS_K, SUDDENLY
+from .thermal import CAPACITY_WITHIN, COLD_TIMES, LEAST_SLOPE_1_K, LOSING_TIMES, NOT_CONTRACTED_MARGIN, SUDDENLY
 from .timing import ONE_STEP, TWO_STEPS
 
 SETPOINT_RANGE = Limit(
@@ -82,8 +82,10 @@ TEMPERATURE_DERATING = Limit(
     "thermal.derate_temperature, by the parameters' heat_loss, from supply.max_current linearly down to "
     "supply.bias_current at max_temperature. A wire of which nothing is known yet counts as that hot; it, and one "
     "whose resistance does not tell when the balance comes to its end, gets the bias until it is certainly below "
-    "transformed_temperature, and, as long as it has not been seen cold and shows more than its calibration saw of it "
-    f"contracted, until what its resistance has changed by leaves it no more than {STANDS_K:g} K to cool",
+    "transformed_temperature. One that has not rested since the driver began, with the bias or less for "
+    f"{COLD_TIMES:g} time constants, heat_capacity / heat_loss times the margin, and shows more than its calibration "
+    "saw of it contracted, gets the bias until it has, from where the balance is half the way from "
+    "transformed_temperature to its end",
     ONE_STEP,
 )
 

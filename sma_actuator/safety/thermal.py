@@ -40,13 +40,12 @@ LEAST_SLOPE_1_K, MOST_SLOPE_1_K = 2e-4, 1e-3
 #: So near to the hottest that is aimed at, the balance has come to its limit.
 AT_LIMIT_K = 1.0
 #: Contracting takes a tenth or more off a wire's resistance: one that shows more than this share less than it has shown
-#: cold may have contracted, whatever its calibration says.
-FALLS = 0.05
-#: A wire is cold that has no more than this to cool, by its resistance: it is at 46 °C at the most, and martensite of
-#: wires that were measured comes back from above that; while it does, resistance shows each kelvin tenfold.
-STANDS_K = 15.0
-#: The same by the heat balance, which does not see how much has come back.
-COLD_K = 3.0
+#: before may have contracted, whatever its calibration says.  Readings at the bias scatter by a tenth of it.
+FALLS = 0.01
+#: A wire rests with power that warms it by no more than this, at its least heat loss: what `init` writes as bias, 8 K.
+REST_K = 10.0
+#: After so many of the longest time constants that it may have, a wire that rests is cold: 3 K are left of the hottest.
+COLD_TIMES = 4.0
 #: Time over which a resistance is averaged, and from which on one is of another time.
 SMOOTH_s, LONG_AGO_s = 0.2, 1.0
 #: Share by which a load changes from one reading to the next where it is another one.
@@ -214,45 +213,48 @@ def begin_thermometer(state: Floats, first: int) -> None:
         state[first + each] = nan
 
 
-#: What is remembered of the cold: the most that a wire has shown since it was cold; how hot the balance lets it be by
-#: itself; how long it has been let cool, and the least and the most that it has shown meanwhile.
-_COLD_Ohm, _BALANCE_C, _COOLED_s, _LOW_Ohm, _HIGH_Ohm = range(5)
-SHOWN_COLD = 5
+#: What is remembered of the cold: what a wire showed when it last was; the most since it certainly had not contracted,
+#: ∞ where it may have; how long it has rested, in the longest time constants that it may have; whether it is let cool
+#: until it is cold.
+_COLD_Ohm, _MOST_Ohm, _RESTED_times, _UNTIL_COLD = range(4)
+SHOWN_COLD = 4
 
 
 @jit
 def keep_cold(
-    state: Floats, first: int, shown_Ohm: float, dt_s: float, cools: bool, above_K: float, time_constant_s: float
+    state: Floats, first: int, shown_Ohm: float, times: float, rests: bool, at_most_C: float, transformed_C: float
 ) -> None:
-    """Keep the most that a wire has shown since it was cold.
+    """Keep what a wire shows cold, and the most since it certainly had not contracted.
 
-    What cools shows it: the resistance of either phase falls by :data:`LEAST_SLOPE_1_K` or more, and rises by much more
-    where one becomes the other.  So what it has changed by, while it lost a share of its heat that every wire has lost
-    by then, says how hot it may be still.
+    Only time says when it is cold: resistance that stands does not, for what cooling takes off austenite's a little
+    martensite brings back.  It has not contracted where it shows as much again, no hotter than it transforms at, and
+    has shown no less since: hotter austenite shows as much as a wire that rests half contracted in a warm room.
 
-    ``shown_Ohm``: smooth; ``cools``: only the bias flows; ``above_K``: the most that it may be above its surroundings
-    by the balance alone; ``time_constant_s``: the longest that it may have.  What is remembered begins at the ``first``
+    ``shown_Ohm``: smooth, NaN where none was measured; ``times``: how long this step was, in the longest time constants
+    that the wire may have; ``rests``: no current flows, or the bias alone.  What is remembered begins at the ``first``
     of ``state`` (:func:`begin_cold`).
     """
-    if state[first + _COLD_Ohm] < inf:
-        state[first + _COLD_Ohm] = max(state[first + _COLD_Ohm], shown_Ohm)
+    if not rests:
+        state[first + _RESTED_times] = 0.0
+    elif 0.0 <= times < inf:
+        state[first + _RESTED_times] += times
+    if not isfinite(shown_Ohm):
         return
-    cooled_s, low_Ohm, high_Ohm = state[first + _COOLED_s], state[first + _LOW_Ohm], state[first + _HIGH_Ohm]
-    if cools and isfinite(cooled_s):
-        cooled_s += dt_s if 0.0 <= dt_s < inf else 0.0
-        low_Ohm, high_Ohm = min(low_Ohm, shown_Ohm), max(high_Ohm, shown_Ohm)
-    else:
-        cooled_s, low_Ohm, high_Ohm = 0.0 if cools else nan, shown_Ohm, shown_Ohm
-    state[first + _COOLED_s], state[first + _LOW_Ohm], state[first + _HIGH_Ohm] = cooled_s, low_Ohm, high_Ohm
-    lost_over_left = expm1(cooled_s / time_constant_s)
-    stands = high_Ohm - low_Ohm <= STANDS_K * LEAST_SLOPE_1_K * low_Ohm * lost_over_left
-    if above_K <= COLD_K or (cooled_s >= LONG_AGO_s and stands):
+    if state[first + _RESTED_times] >= COLD_TIMES:
         state[first + _COLD_Ohm] = shown_Ohm
+    most_Ohm = state[first + _MOST_Ohm]
+    if not shown_Ohm < (1.0 - FALLS) * most_Ohm:
+        most_Ohm = max(most_Ohm, shown_Ohm)
+    elif at_most_C < transformed_C and shown_Ohm >= (1.0 - FALLS) * state[first + _COLD_Ohm]:
+        most_Ohm = shown_Ohm
+    else:
+        most_Ohm = inf
+    state[first + _MOST_Ohm] = most_Ohm
 
 
-def begin_cold(state: Floats, first: int, temperature_C: float) -> None:
-    """Nothing is known yet, but that it may be as hot as that."""
-    state[first + _COLD_Ohm], state[first + _BALANCE_C], state[first + _COOLED_s] = inf, temperature_C, nan
+def begin_cold(state: Floats, first: int) -> None:
+    """Nothing is known yet."""
+    state[first + _COLD_Ohm] = state[first + _MOST_Ohm] = inf
 
 
 def most_contracted_Ohm(hot_end: HotEndSection, temperature_C: float) -> float:
@@ -383,21 +385,26 @@ def _heat_step(
     if state[_BY_ITSELF + _SHOWN_Ohm] > just_contracted_Ohm:
         margin = min(margin, NOT_CONTRACTED_MARGIN)
     at_most_C = _after_C(most_C, power_W, dt_s, ambient_C, capacity_J_K, loss_W_K / margin)
-    # Another wire in its place may show more contracted, but not nearly as much as itself cold.
-    transforms_Ohm = max(contracted_Ohm, (1.0 - FALLS) * state[_COLD + _COLD_Ohm])
+    # Another wire in its place may show more contracted, but not as much as itself before.
+    transforms_Ohm = max(contracted_Ohm, (1.0 - FALLS) * state[_COLD + _MOST_Ohm])
     shown_C = hottest_C(state, _BY_ITSELF, resistance_Ohm, load_N, dt_s, at_most_C, transformed_C, transforms_Ohm)
     # Where the heat balance calls it hotter than it is known to transform at, one of them errs: the hotter counts.
     own_C = min(transformed_C, max(transforms_C, likely_C))
     own_C = hottest_C(state, _BY_ITS_OWN, resistance_Ohm, load_N, dt_s, at_most_C, own_C, transforms_Ohm)
     most_C = min(at_most_C, shown_C, own_C)
     likely_C = min(likely_C, shown_C)
-    shown_Ohm = state[_BY_ITSELF + _SHOWN_Ohm]
-    balance_C = _after_C(state[_COLD + _BALANCE_C], power_W, dt_s, ambient_C, capacity_J_K, loss_W_K / margin)
-    state[_COLD + _BALANCE_C] = balance_C
-    if isfinite(resistance_Ohm):
-        keep_cold(state, _COLD, shown_Ohm, dt_s, cools, balance_C - ambient_C, capacity_J_K * margin / loss_W_K)
+    shown_Ohm, rests = state[_BY_ITSELF + _SHOWN_Ohm], cools or power_W * margin <= REST_K * loss_W_K
+    times = dt_s * loss_W_K / margin / capacity_J_K
+    measured_Ohm = shown_Ohm if isfinite(resistance_Ohm) else nan
+    keep_cold(state, _COLD, measured_Ohm, times, rests, at_most_C, transformed_C)
+    not_seen_cold = shown_Ohm > contracted_Ohm and state[_COLD + _COLD_Ohm] == inf
+    # Sooner than at its limit, where what it shows may hold the balance for a minute.
+    half_way_C = 0.5 * (transformed_C + max_C - HEADROOM_K)
     at_its_limit = most_C > max_C - HEADROOM_K - AT_LIMIT_K and at_most_C < shown_C
-    may_be_hot = most_C >= transformed_C or (shown_Ohm > contracted_Ohm and state[_COLD + _COLD_Ohm] == inf)
+    if not cools and (at_its_limit or (not_seen_cold and most_C > half_way_C)):
+        cools = True
+        state[_COLD + _UNTIL_COLD] = not_seen_cold
+    cools = cools and (most_C >= transformed_C or (state[_COLD + _UNTIL_COLD] > 0.0 and not_seen_cold))
     shown_W_K = shown_loss_W_K(state, _SHOWN, wire_W, dt_s, most_C - coldest_C, capacity_J_K, loss_W_K)
     if turned(state, _TURNED, load_N, dt_s) > MOST_TURNS:
         shown_W_K = 0.0
@@ -405,7 +412,7 @@ def _heat_step(
         likely_C,
         most_C,
         guessed_K,
-        may_be_hot and (cools or at_its_limit),
+        cools,
         SUDDENLY * shown_W_K,
         margin,
     )
@@ -416,8 +423,8 @@ class WireHeat:
 
     Where the balance has come to its limit and the resistance does not tell, a limit that stood would hold the wire
     where it is for ever.  So it is let cool (``cools``) until it certainly transforms, which takes a second or two:
-    from there on its resistance tells.  So it is at the beginning, and where it shows more than one of its calibration
-    contracted, until what it shows cold is known.
+    from there on its resistance tells.  So it is at the beginning.  One that shows more than its calibration saw of it
+    contracted, and has not been seen cold, is let cool until it has, once.
     """
 
     def __init__(self, parameters: ThermalParameters):
@@ -434,7 +441,7 @@ class WireHeat:
         self._state = floats(_COLD + SHOWN_COLD)
         begin_thermometer(self._state, _BY_ITSELF)
         begin_thermometer(self._state, _BY_ITS_OWN)
-        begin_cold(self._state, _COLD, parameters.max_temperature)
+        begin_cold(self._state, _COLD)
 
     def step(
         self,

@@ -11,14 +11,14 @@ from sma_actuator.base.jit import floats
 from sma_actuator.config import Config
 from sma_actuator.safety.thermal import (
     CAPACITY_WITHIN,
-    COLD_K,
+    COLD_TIMES,
+    FALLS,
     LATENT_K,
     LEAST_SLOPE_1_K,
     MOST_SLOPE_1_K,
     NOT_CONTRACTED_MARGIN,
     SHOWN_COLD,
     SHOWN_LOSS,
-    STANDS_K,
     THERMOMETER,
     Ambient,
     AMBIENT_FALL_K_s,
@@ -365,68 +365,49 @@ class TestShownLoss:
 
 
 class TestWhatAWireShowsCold:
-    """Looked at every 0.05 s; it loses its heat in 2 s, all that is known is that it takes no longer than 5 s."""
-
-    LONGEST_s, ITS_s, ENDS_C = 5.0, 2.0, 30.0
-
     @pytest.fixture
     def look(self):
+        """What is kept: what it shows cold, and the most since it had not contracted."""
         state = floats(SHOWN_COLD)
-        begin_cold(state, 0, 200.0)
+        begin_cold(state, 0)
 
-        def once(shown_Ohm, dt_s=0.05, cools=True, above_K=100.0):
-            keep_cold(state, 0, shown_Ohm, dt_s, cools, above_K, self.LONGEST_s)
-            return state[0]
+        def once(shown_Ohm, times=0.01, rests=True, at_most_C=40.0):
+            keep_cold(state, 0, shown_Ohm, times, rests, at_most_C, 150.0)
+            return tuple(state[:2])
 
         return once
 
-    def seen_cold(self, look, shown_Ohm, from_C):
-        """When, at which temperature and with which resistance it is seen to be cold."""
-        for number in range(2000):
-            warm_C = self.ENDS_C + (from_C - self.ENDS_C) * math.exp(-0.05 * number / self.ITS_s)
-            if (cold_Ohm := look(shown_Ohm(warm_C))) < math.inf:
-                return 0.05 * number, warm_C, cold_Ohm
-        pytest.fail("never seen")
+    def test_is_seen_when_it_has_rested_long_enough(self, look):
+        assert look(5.0, COLD_TIMES - 0.1) == (math.inf, math.inf)
+        assert look(5.2, 0.2) == (5.2, 5.2)
+        assert look(5.3) == (5.3, 5.3), "martensite comes back for a while"
 
-    @pytest.mark.parametrize("slope_1_K", [LEAST_SLOPE_1_K, MOST_SLOPE_1_K])
-    @pytest.mark.parametrize("from_C", [100.0, 200.0, 300.0])
-    def test_austenite_that_cools_is_seen_when_it_has_no_more_to_cool(self, look, slope_1_K, from_C):
-        seconds, warm_C, _ = self.seen_cold(look, lambda warm_C: 5.0 * (1.0 + slope_1_K * warm_C), from_C)
-        assert warm_C < self.ENDS_C + STANDS_K
-        assert seconds < 25.0
+    def test_current_begins_it_anew(self, look):
+        look(5.0, COLD_TIMES - 0.1)
+        look(5.0, rests=False)
+        assert look(5.0, COLD_TIMES - 0.1)[0] == math.inf
 
-    def test_one_that_comes_back_meanwhile_is_seen_when_it_has_come_back(self, look):
-        """From 60 to 35 °C it gains a sixth."""
+    def test_it_rests_with_the_output_off_too_and_is_seen_when_it_is_on(self, look):
+        assert look(math.nan, COLD_TIMES)[0] == math.inf
+        assert look(5.0)[0] == 5.0
+        assert look(math.nan)[0] == 5.0
 
-        def shown_Ohm(warm_C):
-            return 5.0 * (1.0 + LEAST_SLOPE_1_K * warm_C) * (1.0 + min(max(60.0 - warm_C, 0.0) / 25.0, 1.0) / 6.0)
+    @pytest.mark.parametrize("times", [math.nan, math.inf, -1.0])
+    def test_a_time_that_is_none_is_no_rest(self, look, times):
+        for _ in range(9):
+            assert look(5.0, times)[0] == math.inf
 
-        _, warm_C, cold_Ohm = self.seen_cold(look, shown_Ohm, 150.0)
-        assert warm_C < 35.0
-        assert cold_Ohm == pytest.approx(5.0 * 7.0 / 6.0, rel=0.01)
+    def test_the_most_counts_until_it_shows_less(self, look):
+        look(5.0, COLD_TIMES)
+        assert [look(each_Ohm, rests=False)[1] for each_Ohm in (5.1, 5.06, 5.2)] == [5.1, 5.1, 5.2]
+        assert look(5.2 * (1.0 - FALLS) - 0.01, rests=False, at_most_C=160.0) == (5.0, math.inf)
 
-    def test_one_that_is_cold_is_seen_in_a_second_or_two_however_its_readings_scatter(self, look):
-        seconds, _, cold_Ohm = self.seen_cold(look, lambda _: 5.0 * (1.0 + 3e-4 * math.sin(100.0 * _)), 30.1)
-        assert LONG_AGO_s <= seconds < 2.0
-        assert cold_Ohm == pytest.approx(5.0, rel=3e-4)
-
-    def test_nothing_is_seen_with_more_current_than_the_bias(self, look):
-        for _ in range(400):
-            assert look(5.0, cools=False) == math.inf
-        assert look(5.0) == math.inf, "the time before counts for nothing"
-
-    @pytest.mark.parametrize("dt_s", [math.nan, math.inf, -1.0])
-    def test_nor_in_a_time_that_is_none(self, look, dt_s):
-        for _ in range(400):
-            assert look(5.0, dt_s=dt_s) == math.inf
-
-    def test_by_the_balance_it_is_seen_at_once_where_it_left_it_nothing(self, look):
-        assert look(5.0, cools=False, above_K=COLD_K + 0.1) == math.inf
-        assert look(5.0, cools=False, above_K=COLD_K) == 5.0
-
-    def test_from_then_on_the_most_counts(self, look):
-        look(5.0, above_K=0.0)
-        assert [look(each_Ohm, cools=False) for each_Ohm in (5.1, 4.5, 5.2)] == [5.1, 5.1, 5.2]
+    def test_then_as_much_as_cold_counts_again_no_hotter_than_it_transforms_at(self, look):
+        look(5.0, COLD_TIMES)
+        look(4.5, rests=False)
+        assert look(5.0, rests=False, at_most_C=150.0)[1] == math.inf, "it may be hot austenite"
+        assert look(4.9, rests=False, at_most_C=149.0)[1] == math.inf
+        assert look(4.96, rests=False, at_most_C=149.0)[1] == 4.96
 
 
 class TestAnotherWireInThePlaceOfTheCalibratedOne:
@@ -436,29 +417,34 @@ class TestAnotherWireInThePlaceOfTheCalibratedOne:
     def run(self, parameters):
         heat = WireHeat(parameters)
 
-        def seconds(resistance_Ohm, power_W, seconds):
+        def for_a_while(resistance_Ohm, power_W, seconds):
             for _ in range(round(seconds / 0.05)):
                 heat.step(power_W, 0.05, math.nan, parameters, resistance_Ohm, 1.0, 4.9)
             return heat
 
-        return seconds
+        return for_a_while
 
-    def test_gets_the_bias_until_it_is_seen_cold(self, run, parameters):
-        """Hot, contracted: it was taken to transform, and heated on."""
-        heat = run(5.1, 0.0, 0.95)
+    def test_counts_as_hot_where_it_has_not_been_seen_cold(self, run, parameters):
+        """Hot and contracted, as another driver left it, it was taken to transform and heated on."""
+        run(5.0, 0.0, 3.0)
+        heat = run(5.1, 1.0, 2.0)
+        assert heat.at_most_C > 172.0
         assert heat.cools
-        heat = run(5.0, 0.0, 2.0)
+        heat = run(5.0, 0.0, 6.0)
         assert heat.at_most_C < parameters.transformed_temperature
-        assert heat.cools, "2 % less may be a hundred kelvins less"
-        assert not run(5.0, 0.0, 30.0).cools
+        assert heat.cools, "it may still be austenite"
+        assert not run(5.0, 0.0, 20.0).cools
+
+    def test_is_let_warm_at_the_beginning_before_it_is_seen_cold(self, run):
+        assert not run(5.5, 0.0, 3.0).cools
 
     def test_is_hot_where_it_shows_much_less_than_cold(self, run):
-        run(5.5, 0.0, 5.0)
+        run(5.5, 0.0, 30.0)
         run(5.0, 1.0, 5.0)
         assert run(5.1, 1.0, 5.0).at_most_C > 195.0
 
     def test_transforms_where_it_does_not(self, run):
-        run(5.5, 0.0, 5.0)
+        run(5.5, 0.0, 30.0)
         assert run(5.5, 1.0, 20.0).at_most_C == pytest.approx(150.0, abs=0.5)
         assert run(5.6, 1.0, 20.0).at_most_C == pytest.approx(150.0, abs=0.5)
 
