@@ -8,7 +8,9 @@ elsewhere before, that is several per cent of the stroke.
 
 Which martensite becomes austenite first is told in two ways.  Where grains transform one after the other, what formed
 last goes first, and a small cycle leaves the rest as it is; where all of a wire does what its mean does, each part goes
-in its share.  Nothing that is calibrated with tells them apart: the memory keeps both, and takes the mean.
+in its share.  Nothing that is calibrated with tells them apart: the memory keeps both, and takes the mean of what has
+formed since the beginning.  What a wire began with, which may be a fifth of its stroke, it forgets as the second has
+it, the sooner; that it may be left as the first has it is in the interval.
 
 A cold wire is a strain gauge besides: that its resistance differs from the usual at this load says how much longer it
 is, where nobody knows under which load it has cooled.
@@ -29,11 +31,11 @@ from sma_actuator.base.jit import Floats, floats, jit
 from sma_actuator.base.lookup import looked_up
 
 #: What is remembered: the martensite's share of the stroke, smooth; how much longer the wire was in the beginning [m],
-#: half of a 95 % interval of that [m], what is left of it, the lowest share since, and how sure it is, 0 to 1; of a
-#: cold wire how many readings of its resistance were taken, and by how much they are more than usual, mean [Ω]; the
-#: length of what has formed where each part goes in its share [m]; and where the last goes first the stroke under the
-#: load that each layer of martensite formed under [m], the first that formed at first.
-_SHARE, _BEGAN_m, _UNSURE_m, _LOWEST, _SURE, _READINGS, _MORE_Ohm, _MIXED_m, _FORMED_m = range(9)
+#: half of a 95 % interval of that [m], and how sure it is, 0 to 1; of a cold wire how many readings of its resistance
+#: were taken, and by how much they are more than usual, mean [Ω].  Where each part goes in its share: what is left of
+#: the beginning, and the length of what has formed [m].  Where the last goes first: what is left of the beginning, the
+#: lowest share since, and the stroke under the load that each layer formed under [m], the first that formed at first.
+_SHARE, _BEGAN_m, _UNSURE_m, _SURE, _READINGS, _MORE_Ohm, _LEFT, _MIXED_m, _LOWEST, _FORMED_m = range(10)
 LAYERS = 20  #: as fine as a share is followed, twice its play
 REMEMBERED = _FORMED_m + LAYERS
 #: So far may the share go to and fro before it counts: noise is no transformation.
@@ -91,7 +93,8 @@ def stroke_m(stress_Pa: float, ends: np.ndarray) -> float:
 @jit
 def begin(share: float, longer_m: float, sure: float, stress_Pa: float, ends: np.ndarray, state: Floats) -> None:
     """The wire has this share of martensite, and is so much longer than under this load alone, which is so sure."""
-    state[_SHARE], state[_BEGAN_m], state[_LOWEST], state[_SURE] = share, longer_m, 1.0, sure
+    state[_SHARE], state[_BEGAN_m], state[_SURE] = share, longer_m, sure
+    state[_LEFT], state[_LOWEST] = 1.0, 1.0
     here_m = stroke_m(stress_Pa, ends)
     state[_MIXED_m] = share * here_m
     for j in range(LAYERS):
@@ -100,29 +103,30 @@ def begin(share: float, longer_m: float, sure: float, stress_Pa: float, ends: np
 
 @jit
 def _formed_m(here_m: float, known: np.ndarray, state: Floats) -> tuple[float, float]:
-    """How much longer what has formed is than under a load with this stroke, if the last goes first, and if each part
-    goes in its share."""
+    """How much longer what has formed since the beginning is than under a load with this stroke, if the last goes
+    first, and if each part goes in its share."""
     layers, in_turn_m = max(state[_SHARE], 0.0) * LAYERS, 0.0
     for j in range(min(int(layers) + 1, LAYERS)):
         in_turn_m += (state[_FORMED_m + j] - here_m) * min(layers - j, 1.0) / LAYERS
     mixed_m = state[_MIXED_m] - here_m * state[_SHARE]
-    stays = known[STAYS]
-    return in_turn_m * (stays if in_turn_m > 0.0 else 1.0), mixed_m * (stays if mixed_m > 0.0 else 1.0)
+    in_turn_m *= known[STAYS] if in_turn_m > 0.0 else 1.0
+    mixed_m *= known[STAYS] if mixed_m > 0.0 else 1.0
+    return in_turn_m, mixed_m
 
 
 @jit
 def longer_m(stress_Pa: float, ends: np.ndarray, known: np.ndarray, state: Floats) -> float:
     """How much longer the wire is than if all its martensite had formed under the present load."""
     in_turn_m, mixed_m = _formed_m(stroke_m(stress_Pa, ends), known, state)
-    return state[_LOWEST] * state[_BEGAN_m] + 0.5 * (in_turn_m + mixed_m)
+    return state[_LEFT] * state[_BEGAN_m] + 0.5 * (in_turn_m + mixed_m)
 
 
 @jit
 def unsure_m(stress_Pa: float, ends: np.ndarray, known: np.ndarray, state: Floats) -> float:
     """How far off that may be, half of a 95 % interval."""
     in_turn_m, mixed_m = _formed_m(stroke_m(stress_Pa, ends), known, state)
-    followed_m = WITHIN * abs(longer_m(stress_Pa, ends, known, state))
-    return state[_LOWEST] * state[_UNSURE_m] + followed_m + 0.5 * abs(in_turn_m - mixed_m)
+    began_m = state[_LOWEST] * state[_UNSURE_m] + (state[_LOWEST] - state[_LEFT]) * abs(state[_BEGAN_m])
+    return began_m + WITHIN * abs(longer_m(stress_Pa, ends, known, state)) + 0.5 * abs(in_turn_m - mixed_m)
 
 
 @jit
@@ -138,7 +142,8 @@ def follow(share: float, stress_Pa: float, ends: np.ndarray, known: np.ndarray, 
             if filled > 0.0:
                 state[_FORMED_m + j] += (here_m - state[_FORMED_m + j]) * (filled - max(before - j, 0.0)) / filled
     elif now < was:
-        state[_MIXED_m] *= max(now, 0.0) / was
+        for each in (_LEFT, _MIXED_m):
+            state[each] *= max(now, 0.0) / was
         # As long as it has only contracted, what is left formed, on the same spring, under the load that it has now.
         guessed = 1.0 - state[_SURE]
         state[_MIXED_m] += guessed * (here_m * max(now, 0.0) - state[_MIXED_m])

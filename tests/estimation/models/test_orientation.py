@@ -187,6 +187,11 @@ class TestTheColdWireAsAStrainGauge:
         follow(1.0, LIGHT_Pa, ENDS, known, state)
         assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(0.5 * began_m)
         assert unsure_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(0.5 * unsure_m_)
+        # Contracted by half once more, a quarter is left; if the last goes first half, which the interval has.
+        follow(0.5 - PLAY, LIGHT_Pa, ENDS, known, state)
+        assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(0.25 * began_m, rel=0.02)
+        half_m = 0.5 * (unsure_m_ - WITHIN * began_m) + 0.25 * began_m + WITHIN * 0.25 * began_m
+        assert unsure_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(half_m, rel=0.02)
         follow(-PLAY, LIGHT_Pa, ENDS, known, state)
         assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(0.0, abs=1e-12)
 
