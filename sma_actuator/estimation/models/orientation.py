@@ -44,9 +44,10 @@ PLAY = 0.01
 COLD_K = 20.0
 #: No wire is so much shorter than its stroke that has cooled under no load at all: one that seems so is warm.
 SHORTEST = 0.3
-#: How well a length is followed, and how well resistance tells it: under springs, in other physics, to a tenth or a
-#: fifth.
+#: How well resistance tells a length: in other physics to a tenth or a fifth.
 WITHIN = 0.25
+#: How well it is followed, beside how far the two ways of it are apart: the numbers it is followed with are of logs.
+FOLLOWED = 0.1
 #: Share of its stroke by which a wire that remembers may begin longer or shorter though its resistance is as usual:
 #: under springs, in other physics, 1.5 to 5.
 USUALLY = 0.03
@@ -126,7 +127,7 @@ def unsure_m(stress_Pa: float, ends: np.ndarray, known: np.ndarray, state: Float
     """How far off that may be, half of a 95 % interval."""
     in_turn_m, mixed_m = _formed_m(stroke_m(stress_Pa, ends), known, state)
     began_m = state[_LOWEST] * state[_UNSURE_m] + (state[_LOWEST] - state[_LEFT]) * abs(state[_BEGAN_m])
-    return began_m + WITHIN * abs(longer_m(stress_Pa, ends, known, state)) + 0.5 * abs(in_turn_m - mixed_m)
+    return began_m + FOLLOWED * abs(longer_m(stress_Pa, ends, known, state)) + 0.5 * abs(in_turn_m - mixed_m)
 
 
 @jit

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from sma_actuator.base.lookup import row_of
 from sma_actuator.estimation.models.orientation import (
     CONTACTS,
+    FOLLOWED,
     PLAY,
     SHORTEST,
     USUALLY,
@@ -108,7 +109,7 @@ def test_a_small_cycle_is_between_last_first_and_each_in_its_share():
     known, half = wire(), ((0.5 - PLAY, LIGHT_Pa), (1.0 + PLAY, LIGHT_Pa), (0.5 - PLAY, LIGHT_Pa))
     state = driven(known, *half, first=(1.0, HEAVY_Pa))
     assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(0.375 * (HEAVY_m - LIGHT_m))
-    unsure = WITHIN * 0.375 + 0.125
+    unsure = FOLLOWED * 0.375 + 0.125
     assert unsure_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(unsure * (HEAVY_m - LIGHT_m))
 
 
@@ -190,7 +191,7 @@ class TestTheColdWireAsAStrainGauge:
         # Contracted by half once more, a quarter is left; if the last goes first half, which the interval has.
         follow(0.5 - PLAY, LIGHT_Pa, ENDS, known, state)
         assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(0.25 * began_m, rel=0.02)
-        half_m = 0.5 * (unsure_m_ - WITHIN * began_m) + 0.25 * began_m + WITHIN * 0.25 * began_m
+        half_m = 0.5 * (unsure_m_ - FOLLOWED * began_m) + 0.25 * began_m + FOLLOWED * 0.25 * began_m
         assert unsure_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(half_m, rel=0.02)
         follow(-PLAY, LIGHT_Pa, ENDS, known, state)
         assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(0.0, abs=1e-12)
