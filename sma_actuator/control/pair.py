@@ -292,7 +292,7 @@ class Pair:
         self._tension_N = tension_N
         room_N = max(p.tension_limit - pull_N, 0.0) / 2.0
         over_N = tension_N + rise_N - (p.tension_limit - room_N)
-        if not over_N > 0.0:
+        if not over_N >= 0.0:
             return 0.0
         return LARGEST_EASE * self._span_m * (min(over_N / room_N, 1.0) if room_N > 0.0 else 1.0)
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import hypothesis.strategies as st
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.control.pair import Pair, PairParameters, WireState
@@ -128,6 +128,7 @@ def test_the_co_contraction_and_the_worlds_torque_share_the_limit(asked_N, torqu
     steps=st.integers(1, 5),
     dt_s=st.sampled_from([0.0, 0.01, 0.05, 10.0]),
 )
+@example(asked_rad=0.0, asked_N=0.0, angle_rad=0.0, first_N=0.0, second_N=2.2, steps=1, dt_s=0.0)
 def test_whatever_is_asked_for_a_wire_at_the_limit_of_its_tension_is_asked_to_be_longer(
     asked_rad, asked_N, angle_rad, first_N, second_N, steps, dt_s
 ):
