@@ -25,9 +25,9 @@ export PYTHONDONTWRITEBYTECODE :=
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION) $(if $(VIEW),--view)
 
-# Most tests wait for processes: two beside the two cores cost nothing.  A class, or a file's functions, stay together.
+# Most tests wait for processes: four beside the two cores cost nothing.  A class, or a file's functions, stay together.
 test: $(VENV)/ready viewers
-	$(BIN)/python -m pytest -n 4 --dist loadscope --no-loadscope-reorder -m "not long" --durations=10
+	$(BIN)/python -m pytest -n 6 --dist loadscope --no-loadscope-reorder -m "not long" --durations=10
 
 long-tests: $(VENV)/ready
 	$(BIN)/python -m pytest -n 2 -m long
