@@ -104,53 +104,54 @@ def begin(share: float, longer_m: float, sure: float, stress_Pa: float, ends: np
 
 @jit
 def _formed_m(here_m: float, known: np.ndarray, state: Floats) -> tuple[float, float]:
-    """How much longer what has formed since the beginning is than under a load with this stroke, if the last goes
-    first, and if each part goes in its share."""
-    layers, in_turn_m = max(state[_SHARE], 0.0) * LAYERS, 0.0
+    """How much longer what has formed since the beginning is than under a load with this stroke: the mean of what it is
+    if the last goes first and if each part goes in its share, and how far these are apart."""
+    layers, in_turn_m = state[_SHARE] * LAYERS, 0.0
     for j in range(min(int(layers) + 1, LAYERS)):
         in_turn_m += (state[_FORMED_m + j] - here_m) * min(layers - j, 1.0) / LAYERS
     mixed_m = state[_MIXED_m] - here_m * state[_SHARE]
     in_turn_m *= known[STAYS] if in_turn_m > 0.0 else 1.0
     mixed_m *= known[STAYS] if mixed_m > 0.0 else 1.0
-    return in_turn_m, mixed_m
+    return 0.5 * (in_turn_m + mixed_m), abs(in_turn_m - mixed_m)
 
 
 @jit
 def longer_m(stress_Pa: float, ends: np.ndarray, known: np.ndarray, state: Floats) -> float:
     """How much longer the wire is than if all its martensite had formed under the present load."""
-    in_turn_m, mixed_m = _formed_m(stroke_m(stress_Pa, ends), known, state)
-    return state[_LEFT] * state[_BEGAN_m] + 0.5 * (in_turn_m + mixed_m)
+    formed_m, _ = _formed_m(stroke_m(stress_Pa, ends), known, state)
+    return state[_LEFT] * state[_BEGAN_m] + formed_m
 
 
 @jit
 def unsure_m(stress_Pa: float, ends: np.ndarray, known: np.ndarray, state: Floats) -> float:
     """How far off that may be, half of a 95 % interval."""
-    in_turn_m, mixed_m = _formed_m(stroke_m(stress_Pa, ends), known, state)
+    formed_m, apart_m = _formed_m(stroke_m(stress_Pa, ends), known, state)
+    followed_m = FOLLOWED * abs(state[_LEFT] * state[_BEGAN_m] + formed_m)
     began_m = state[_LOWEST] * state[_UNSURE_m] + (state[_LOWEST] - state[_LEFT]) * abs(state[_BEGAN_m])
-    return began_m + FOLLOWED * abs(longer_m(stress_Pa, ends, known, state)) + 0.5 * abs(in_turn_m - mixed_m)
+    return began_m + followed_m + 0.5 * apart_m
 
 
 @jit
 def follow(share: float, stress_Pa: float, ends: np.ndarray, known: np.ndarray, state: Floats) -> None:
-    """The share of martensite is this now, under this load."""
+    """The share of martensite, 0 to 1, is this now, under this load."""
     was, here_m = state[_SHARE], stroke_m(stress_Pa, ends)
     now = min(max(was, share - PLAY), share + PLAY)
     if now > was:
         state[_MIXED_m] += here_m * (now - was)
-        before, after = max(was, 0.0) * LAYERS, max(now, 0.0) * LAYERS
+        before, after = was * LAYERS, now * LAYERS
         for j in range(int(before), min(int(after) + 1, LAYERS)):
             filled = min(after - j, 1.0)
             if filled > 0.0:
                 state[_FORMED_m + j] += (here_m - state[_FORMED_m + j]) * (filled - max(before - j, 0.0)) / filled
     elif now < was:
         for each in (_LEFT, _MIXED_m):
-            state[each] *= max(now, 0.0) / was
+            state[each] *= now / was
         # As long as it has only contracted, what is left formed, on the same spring, under the load that it has now.
         guessed = 1.0 - state[_SURE]
-        state[_MIXED_m] += guessed * (here_m * max(now, 0.0) - state[_MIXED_m])
-        for j in range(min(int(max(now, 0.0) * LAYERS) + 1, LAYERS)):
+        state[_MIXED_m] += guessed * (here_m * now - state[_MIXED_m])
+        for j in range(min(int(now * LAYERS) + 1, LAYERS)):
             state[_FORMED_m + j] += guessed * (here_m - state[_FORMED_m + j])
-    state[_SHARE], state[_LOWEST] = now, min(state[_LOWEST], max(now, 0.0))
+    state[_SHARE], state[_LOWEST] = now, min(state[_LOWEST], now)
     if now > state[_LOWEST] + 1.0 / LAYERS:
         state[_SURE] = 1.0
     state[_MIXED_m] = max(state[_MIXED_m], known[TURNED] * here_m * now)
