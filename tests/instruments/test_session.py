@@ -50,23 +50,25 @@ class Peer:
 
     def answer(self, data):
         """Say this once a question has come."""
+        connection = self.connection
 
         def work():
             heard = b""
             with contextlib.suppress(OSError):
                 while b"?" not in heard:
-                    heard += self.connection.recv(4096)
-                self.connection.sendall(data)
+                    heard += connection.recv(4096)
+                connection.sendall(data)
 
         threading.Thread(target=work, daemon=True).start()
 
     def keep_saying(self, data, every_s):
-        """Until the test is over."""
+        """Until the test is over, or the connection."""
+        connection = self.connection
 
         def work():
             with contextlib.suppress(OSError):
                 while not self._stop.wait(every_s):
-                    self.connection.sendall(data)
+                    connection.sendall(data)
 
         threading.Thread(target=work, daemon=True).start()
 
@@ -295,11 +297,13 @@ def test_an_empty_answer_is_none(peer, session):
 
 
 def test_a_transaction_has_one_deadline_for_all_its_questions(peer, session):
+    connection = peer.connection  # the next one is answered by itself
+
     def answer():
         with contextlib.suppress(OSError):
-            while data := peer.connection.recv(4096):
+            while data := connection.recv(4096):
                 if b"?" in data:
-                    peer.connection.sendall(b"1\n")
+                    connection.sendall(b"1\n")
 
     threading.Thread(target=answer, daemon=True).start()
     session._timeout_s = PATIENT_s
