@@ -145,75 +145,85 @@ def _busy(number: int) -> Iterator[None]:
             each.wait()
 
 
+INTRODUCTION = """
+# The attack
+
+An attacker does at random what instruments, operating systems and ROS 2 can do. A judge that knows only
+[faults.md](faults.md), the parameter file and the virtual bench's true temperature, stress and current looks whether
+the promises hold; it asks nothing of the code under test. `make attack` runs all of it in pieces and writes this page,
+`python -m attack --help` says how to run one, and `tests/attack` is a short one with every test run. Every attack is
+seeded; what broke a promise is listed with the command that shows it again.
+
+Lines, kills and fuzz run in real time: the longest that the machine stood still is taken off once, so on a busy one its
+other stalls are among what is listed here.
+"""
+SOAKS = """
+`soak` drives a wire and its recorder for a virtual day; `node_soak` a node that is listened to and configured anew
+again and again. *Grown* counts from when everything that is there once was there. A leak would be objects by the
+million, or memory that goes on growing in the second half. What a node takes each time that it is configured does not
+level off and is no object of Python's; where it goes is not known.
+"""
+HEAT = """
+Limits as `sma-actuator init` writes them; shares are of the stroke from the cold to where the wire is shortest, the
+least that was held for ten minutes under a light, a middle and the largest load. Shown are the hottest wires and those
+that held the least; `python -m attack --show` prints all.
+"""
+RUN = """
+Each piece is kept with its commit in `attack/kept.json`; `python -m attack --show` says what is older than the code by
+now.
+"""
+#: Of the wires that were heated, so many of the hottest and so many of those that held the least are on the page.
+EXTREMES = 5
+
+
 def page(kept: Kept) -> str:
-    """docs/attack.md."""
+    """docs/attack.md: what it is, which promises broke, the worst that was seen, and what was run."""
     results = kept.results()
-    pieces = table_of_pieces(kept, TITLES)
-    lines = [
-        "# The attack",
-        "",
-        "Written by `make attack`, which runs it in pieces that are kept with their commit (`attack/kept.json`), each",
-        "with the seeds after the last; `python -m attack --show` says what of it is older than the code that it",
-        "tried.",
-        "",
-        "| attack | commit | on | how much | when this page was written |",
-        "|---|---|---|---|---|",
-        *(f"| {' | '.join(row)} |" for row in pieces),
-        "",
-        (
-            "An attacker that does everything which instruments, operating systems and ROS 2 can do, at random, and a "
-            "judge that"
-        ),
-        (
-            "knows only [docs/faults.md](faults.md), the parameter file and what is true on the virtual bench: its "
-            "temperature,"
-        ),
-        (
-            "stress and current. It asks nothing of the code under test. Every attack is seeded; what is broken is "
-            "listed with the"
-        ),
-        "command that shows it again. `tests/attack` runs a short attack with every test run.",
-        (
-            "Lines, kills and fuzz run in real time: the longest that the machine stood still is taken off once, so "
-            "on a busy one its"
-        ),
-        "other stalls are among what is listed here.",
-        "",
-        "The soaks look at memory: `python -m attack soak` at a driver with its recorder for a virtual day,",
-        "`node_soak` at a node that somebody listens to over ROS 2 for some minutes, five times as fast as usual, and",
-        "that is configured anew again and again. *Grown* is what has come since everything was there that is there",
-        "once. *Objects* are the blocks that Python has given out, with all garbage collected: what is kept of each",
-        "step would be millions. *Memory* is what the process has of its own. An allocator takes pages as what waits",
-        "for the disk is now and then more than ever before, so it levels off; what goes on growing in the second half",
-        "would be a leak. Pages of programs on disk are left out, for the machine takes and drops them as it likes:",
-        "the first time that the model's health fits a plane it reads 1.6 MB of linear algebra. What a node takes each",
-        "time that it is configured does not level off and is no object of Python's; where it goes is not known.",
-    ]
     results = {name: results[name] for name in TITLES if name in results}
-    lines += ["", "## Worst seen", "", "| attack | what | worst |", "|---|---|---|"]
-    for name, result in results.items():
-        if name != "heat":  # it has a table of its own
-            lines += [f"| {TITLES[name]} | {what} | {value:.3g} |" for what, value in sorted(result.worst.items())]
-    if "heat" in results:
-        lines += ["", "## How hot at half the heat loss, how far at the full", ""]
-        lines += [
-            (
-                "Limits as `sma-actuator init` writes them; shares are of the stroke from the cold to where the wire "
-                "is shortest,"
-            )
-        ]
-        lines += [
-            "the least that was held for ten minutes under a light, a middle and the largest load.",
-            "",
-            *table(results["heat"].worst),
-        ]
     broken = sum(len(result.violations) for result in results.values())
-    lines += ["", "## Promises broken", "", f"{broken} in all." if broken else "None."]
+    lines = [
+        *INTRODUCTION.strip().splitlines(),
+        "",
+        "## Promises broken",
+        "",
+        f"{broken} in all." if broken else "None.",
+    ]
     for name, result in results.items():
         if result.violations:
             lines += ["", f"{TITLES[name]}:", ""]
             lines += [_entry(line) for line in result.verdict().splitlines() if " × " in line]
+    lines += ["", "## Worst seen"]
+    for name, result in results.items():
+        said = {"heat": HEAT, "soak": SOAKS}.get(name, "")
+        rows = table(result.worst, EXTREMES) if name == "heat" else _worst(result.worst)
+        lines += [
+            "",
+            f"### {TITLES[name][:1].upper()}{TITLES[name][1:]}",
+            "",
+            *said.splitlines()[1:],
+            *([""] if said else []),
+            *rows,
+        ]
+    lines += ["", "## What was run", *RUN.splitlines(), ""]
+    lines += ["| attack | commit | on | how much | when this page was written |", "|---|---|---|---|---|"]
+    lines += [f"| {' | '.join(row)} |" for row in table_of_pieces(kept, TITLES)]
     return "\n".join(lines) + "\n"
+
+
+def _worst(worst: dict[str, float]) -> list[str]:
+    """A row for each thing that was done, a column for each measure of it: names are ``thing: measure``."""
+    measures = sorted({name.rpartition(": ")[2] for name in worst if ": " in name})
+    if not measures:
+        return [
+            "| what | worst |",
+            "|---|---|",
+            *(f"| {what} | {value:.3g} |" for what, value in sorted(worst.items())),
+        ]
+    rows = [f"| what | {' | '.join(measures)} |", "|---|" + "---|" * len(measures)]
+    for thing in sorted({name.rpartition(": ")[0] for name in worst}):
+        values = (worst.get(f"{thing}: {measure}") for measure in measures)
+        rows.append(f"| {thing} | {' | '.join('' if value is None else f'{value:.3g}' for value in values)} |")
+    return rows
 
 
 def _entry(line: str) -> str:

@@ -294,12 +294,10 @@ def attack(units: tuple[int, ...]) -> Result:
     return result
 
 
-def table(worst: dict[str, float]) -> list[str]:
-    """The two promises beside each other, a row for every physics and wire, of what was kept as worst."""
-    rows = [
-        "| physics | wire | hottest with half the heat loss [°C] | by | held of the stroke [%] | under |",
-        "|" + "---|" * 6,
-    ]
+def table(worst: dict[str, float], most: int) -> list[str]:
+    """The two promises beside each other, of what was kept as worst: a row for each wire that is among the ``most``
+    hottest or the ``most`` that held the least."""
+    found = []
     for physics, wire in itertools.product(PHYSICS, WIRES):
         of_it = {name: value for name, value in worst.items() if name.startswith(f"{wire} in {physics}, ")}
         hot = {name: value for name, value in of_it.items() if name.endswith("[°C]")}
@@ -308,5 +306,12 @@ def table(worst: dict[str, float]) -> list[str]:
             continue
         (by, hottest_C), (under, lacks) = (max(kept.items(), key=lambda item: item[1]) for kept in (hot, far))
         way, load = (name.split(", ", 1)[1] for name in (by.removesuffix(" [°C]"), under.split(": lacks")[0]))
-        rows.append(f"| {physics} | {wire} | {hottest_C:.0f} | {way} | {100.0 - lacks:.1f} | {load} |")
-    return rows
+        row = f"| {physics} | {wire} | {hottest_C:.0f} | {way} | {100.0 - lacks:.1f} | {load} |"
+        found.append((hottest_C, lacks, row))
+    hottest = sorted(found, reverse=True)
+    least = sorted(found, key=lambda wire: wire[1], reverse=True)
+    return [
+        "| physics | wire | hottest with half the heat loss [°C] | by | held of the stroke [%] | under |",
+        "|" + "---|" * 6,
+        *dict.fromkeys(row for _, _, row in hottest[:most] + least[:most]),
+    ]
