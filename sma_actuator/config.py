@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from sma_actuator.base import sidecar
 from sma_actuator.base.calibration import Calibration, in_sections
@@ -301,46 +301,55 @@ def markdown() -> str:
         "",
         "One YAML file serves the node and every tool. A wrong or unknown parameter is refused before any current",
         "flows, in a sentence that names it and its range. **Live** ones can be changed while the wire is driven",
-        "(`ros2 param set`): *either* way, or, of what bounds what a wrong command or reading may do, while current",
-        "may flow only *lower*, *higher* or to a *later* choice, which is stricter. What is looser than the node began",
-        "with stands in the log and, as `loosened`, in `~/status` and `/diagnostics`. The long lists of `calibration.`",
-        "and `model.`, which `identify` measures, stand in a file beside it, `<name>.tables.npz`, which the section",
-        "`tables` names with its SHA-256: copy both together. One that stands in the YAML by its name counts before",
-        "it.",
+        "(`ros2 param set`): *either* way, or while current may flow only *lower*, *higher* or to a *later* choice,",
+        "which is stricter; what is looser than the node began with stands in the log and, as `loosened`, in",
+        "`~/status` and `/diagnostics`. `identify` writes `calibration.` and `model.`; their long lists stand in",
+        "`<name>.tables.npz` beside the file, which the section `tables` names with its SHA-256: copy both together. A",
+        "list that stands in the YAML counts before it.",
     ]
-    sections: list[tuple[str, type]] = [("", Config)]
-    effects: list[tuple[str, type]] = [("effects.", Effects)]
-    effects += [(f"effects.{name}.", cls) for name, cls in EFFECTS.items() if cls.PART != "reference"]
-    effects.append(("(the node of a joint)", PairParameters))
-    while sections:
-        title, cls = sections.pop(0)
-        rows, nested = [], []
-        for field in dataclasses.fields(cls):
-            if "variants" in field.metadata:
-                nested += [
-                    (f"{title}{field.name}. (type: {name})", variant)
-                    for name, variant in field.metadata["variants"]().items()
-                ]
-            elif "section" in field.metadata:
-                nested.append((f"{title}{field.name}.", field.default_factory))
-            elif "parameter" in field.metadata:
-                rows.append(_row(field))
-        sections[:0] = nested
-        if not sections:
-            sections, effects = effects, []
-        if rows:
-            out += [
-                "",
-                f"## `{title}`" if title else "## Top level",
-                "",
-                "| name | default | unit | range | live | what |",
-                "|---|---|---|---|---|---|",
-                *rows,
-            ]
+    for title, before, rows in _tables():
+        shown = [place for place in range(len(COLUMNS)) if any(row[place] for row in rows)]
+        head, *table = (f"| {' | '.join(row[place] for place in shown)} |" for row in [COLUMNS, *rows])
+        out += ["", f"## {title}", "", *before, head, "|" + "---|" * len(shown), *table]
     return "\n".join(out) + "\n"
 
 
-def _row(field: dataclasses.Field) -> str:
+COLUMNS = ["name", "default", "unit", "range", "live", "what"]
+Table = tuple[str, list[str], list[list[str]]]  #: its title, what stands above it, its rows
+
+
+def _tables() -> list[Table]:
+    """One for each section of a file, and for each type of a section that has several."""
+    tables: list[Table] = [("Top level", [], _rows(Config, "", nested=False))]
+    for field in dataclasses.fields(Config):
+        title = f"`{field.name}.`"
+        if "section" in field.metadata and "variants" not in field.metadata:
+            tables.append((title, [], _rows(_class_of(field))))
+        printed: dict[type, str] = {}
+        for name, cls in field.metadata.get("variants", dict)().items():
+            base = next((base for base in cls.__mro__ if base in printed), None)
+            inherited = _rows(base) if base else []
+            before = [f"All of `{field.name}.` of type `{printed[base]}`, and:", ""] if base else []
+            tables.append((f"{title} of type `{name}`", before, [row for row in _rows(cls) if row not in inherited]))
+            printed[cls] = name
+    effects = [(name, cls) for name, cls in EFFECTS.items() if cls.PART != "reference"]
+    rows = [*_rows(Effects), *(row for name, cls in effects for row in _rows(cls, f"{name}."))]
+    return [*tables, ("`effects.`", [], rows), ("The node of a joint", [], _rows(PairParameters))]
+
+
+def _class_of(field: dataclasses.Field) -> type:
+    return cast(type, field.default_factory)
+
+
+def _rows(cls: type, prefix: str = "", nested: bool = True) -> list[list[str]]:
+    """A row for each parameter of a section, then for those of the sections in it."""
+    own = [field for field in dataclasses.fields(cls) if "parameter" in field.metadata]
+    inner = [field for field in dataclasses.fields(cls) if "section" in field.metadata] if nested else []
+    rows = [_row(f"{prefix}{field.name}", field) for field in own]
+    return [*rows, *(row for field in inner for row in _rows(_class_of(field), f"{prefix}{field.name}."))]
+
+
+def _row(name: str, field: dataclasses.Field) -> list[str]:
     declaration = declaration_of(field)
     default = "**required**" if field.default is dataclasses.MISSING else f"`{field.default}`"
     if declaration.optional and (field.default in ("", ()) or field.default != field.default):
@@ -353,7 +362,7 @@ def _row(field: dataclasses.Field) -> str:
         span = f"{longest(declaration)} characters"
     unit = declaration.unit if declaration.unit != "1" else ""
     live = f"{declaration.live}, 0 least" if declaration.zero_is_never else declaration.live
-    return f"| `{field.name}` | {default} | {unit} | {span} | {live} | {declaration.description} |"
+    return [f"`{name}`", default, unit, span, live, declaration.description]
 
 
 if __name__ == "__main__":

@@ -90,8 +90,7 @@ class DaqInstrument(Connection):
     timeout: float = parameter(0.2, "time in which a reading or a connection must be complete", "s", 0.01, 60.0)
     opening_pause: float = parameter(
         0.0,
-        "time from opening its line until it hears, of a board that begins anew then, as many an Arduino for 2 s; "
-        "nobody listens to what it says meanwhile",
+        "time from opening its line until a board hears that begins anew then, as many an Arduino for 2 s",
         "s",
         0.0,
         5.0,

@@ -73,8 +73,8 @@ class SafetyParameters:
     )
     current_drift: float = parameter(
         0.005,
-        "share by which the DAQ's current may drift from the supply's: resistance goes with it, and 1 % of that is "
-        "some 5 % of the stroke; sense resistors that hardly warm drift by 0.2 %, supplies that warm up by 0.1 %",
+        "share by which the DAQ's current may drift from the supply's: 1 % is some 5 % of the stroke; sense resistors "
+        "drift by 0.2 %, supplies that warm up by 0.1 %",
         "1",
         1e-3,
         1.0,
