@@ -31,27 +31,20 @@ def markdown() -> str:
         "",
         "Printed from `sma_actuator/safety/` by `python -m sma_actuator.safety.faults > docs/faults.md`.",
         "",
-        "Times are from the cause to the command, in seconds, of the parameters named; `0` is the same step. They are",
-        "of a computer that lets this program run when it is due: what it does not comes on top, until the supply's",
-        "watchdog cuts, `supply.watchdog_timeout` after the last word (`python -m attack lines --beside 2` tries it).",
-        "A latched fault switches the output off in the step that detects it, and the output stays off until",
-        "`~/clear_fault` and then a new `~/enable`. What does not latch passes with its cause. A lost instrument",
-        "latches *until it answers*: once both have answered for `safety.reading_timeout`, with the output read back",
-        "as off, a new `~/enable` is enough.",
+        "A latched fault switches the output off in the step that detects it, and it stays off until `~/clear_fault`",
+        "and then a new `~/enable`. Of a lost instrument *until it answers*: once both have answered for",
+        "`safety.reading_timeout`, with the output read back as off, a new `~/enable` is enough. All else passes with",
+        "its cause.",
         "",
-        (
-            "Actions: **clip** brings a value into its range; **note** leaves out what is wrong and goes on; **hold** "
-            "keeps the"
-        ),
-        (
-            "wire where it is, or at the last good setpoint; **bias** lowers the current to `supply.bias_current`; "
-            "**off** is"
-        ),
-        "current zero and output off.",
+        "*Within*: from the cause to the command, in seconds; `0` is the same step. What a busy computer holds this",
+        "program up comes on top, until the supply's watchdog cuts, `supply.watchdog_timeout` after the last word.",
+        "",
+        "**Note** leaves out what is wrong and goes on; **hold** keeps the wire where it is, or at the last good",
+        "setpoint; **bias** lowers the current to `supply.bias_current`; **off** is current zero and output off.",
         "",
         "## Limits",
         "",
-        "All of them clip.",
+        "A limit brings a value into its range, and passes by itself.",
         "",
         "| limit | in words | detected by | within | what to do |",
         "|---|---|---|---|---|",
@@ -63,13 +56,13 @@ def markdown() -> str:
         "",
         "In the order in which one is named when several appear in the same step.",
         "",
-        "| fault | in words | detected by | within | action | latches | what to do |",
-        "|---|---|---|---|---|---|---|",
+        "| fault | in words | detected by | within | action | what to do |",
+        "|---|---|---|---|---|---|",
     ]
     for e in FAULTS.values():
-        action = f"`{e.action_by}`" if e.action_by else e.action.value
-        latches = "where off" if e.action_by else "until it answers" if e.until_back else "yes" if e.latches else "no"
-        out.append(f"| `{e.name}` | {e.words} | {e.detector} | `{e.within}` | {action} | {latches} | {e.remedy} |")
+        action = f"`{e.action_by}`, latched where off" if e.action_by else e.action.value
+        latches = " until it answers" if e.until_back else ", latched" if e.latches and not e.action_by else ""
+        out.append(f"| `{e.name}` | {e.words} | {e.detector} | `{e.within}` | {action}{latches} | {e.remedy} |")
     return "\n".join(out) + "\n"
 
 

@@ -69,23 +69,16 @@ TEMPERATURE_DERATING = Limit(
     "current limit lowered by temperature",
     "Give the wire time to cool. Where it stays short of its setpoint: `sma-actuator check` says how hot it may become "
     "and what decides that",
-    "the largest current that could flow on until supply.watchdog_timeout cuts it (where there is none, until "
-    "safety.reading_timeout, and for ever in a wire that loses heat_loss / unwatched_margin) and leave the wire below "
-    f"thermal.max_temperature even if it lost only heat_loss / heat_loss_margin ({NOT_CONTRACTED_MARGIN:g} at the most "
-    "while it shows more than its calibration saw of it contracted, at transformed_temperature), or "
-    f"{SUDDENLY:g} of what it has shown to lose over {LOSING_TIMES:g} of its time constants (unless noise changes the "
-    "load all the time), from what the first heat balance says, but no more than its resistance: "
-    "thermal.transformed_temperature, or "
-    "where a wire of its calibration that is heated has transformed as far as its resistance says (its rise above the "
-    f"surroundings {CAPACITY_WITHIN:g} times; and no less than by the parameters' heat_loss), at the least "
-    f"resistance since the wire was certainly below that, and 1 K for each {LEAST_SLOPE_1_K:g} more of it; and above "
-    "thermal.derate_temperature, by the parameters' heat_loss, from supply.max_current linearly down to "
-    "supply.bias_current at max_temperature. A wire of which nothing is known yet counts as that hot; it, and one "
-    "whose resistance does not tell when the balance comes to its end, gets the bias until it is certainly below "
-    "transformed_temperature. One that has not rested since the driver began, with the bias or less for "
-    f"{COLD_TIMES:g} time constants, heat_capacity / heat_loss times the margin, and shows more than its calibration "
-    "saw of it contracted, gets the bias until it has, from where the balance is half the way from "
-    "transformed_temperature to its end",
+    "the largest current that leaves the wire below thermal.max_temperature until supply.watchdog_timeout cuts it "
+    "(where there is none: for ever, in a wire that loses heat_loss / unwatched_margin), by the closest of: its "
+    "resistance (thermal.transformed_temperature at its least since the wire was certainly cool, and 1 K for each "
+    f"{LEAST_SLOPE_1_K:g} more; of a calibrated wire the temperature at which it had transformed as far, its rise "
+    f"{CAPACITY_WITHIN:g} times); a wire that loses heat_loss / heat_loss_margin ({NOT_CONTRACTED_MARGIN:g} at the "
+    f"most while it shows more than contracted); {SUDDENLY:g} of what it has shown to lose over {LOSING_TIMES:g} of "
+    "its time constants. Above thermal.derate_temperature, by heat_loss, linearly from supply.max_current down to "
+    "supply.bias_current at max_temperature. A wire of which nothing is known yet gets the bias until it is certainly "
+    f"cool: at the longest {COLD_TIMES:g} time constants, heat_capacity / heat_loss times the margin. "
+    "[Why](guards.md#heat)",
     ONE_STEP,
 )
 
@@ -102,14 +95,13 @@ SETPOINT_REACH = Limit(
     "setpoint_reach",
     "no further contraction: no more heat moves the wire",
     "Ask for positions that the wire can hold under this load, where its resistance tells where it is",
-    f"all of supply.max_current in a wire that is warm from it ({100 * WARM:g} % of what it will be) and further than "
-    f"{100 * MOTION:g} % of the full stroke from the setpoint, or all that the "
-    f"limits leave in one that is {BEYOND_K:g} K hotter than it has contracted at this stress (by the calibration and "
-    f"the heat balance), and for the longer of {PATIENCE_s:g} s and {PATIENCE_TIMES:g} of its time constants not "
-    f"{100 * MOTION:g} % of the full stroke of motion towards the setpoint; the shortest setpoint is then "
+    f"not {100 * MOTION:g} % of the full stroke of motion towards the setpoint for the longer of {PATIENCE_s:g} s and "
+    f"{PATIENCE_TIMES:g} of its time constants, with all of supply.max_current in a wire that is {100 * WARM:g} % as "
+    f"warm as that makes it and further than {100 * MOTION:g} % from the setpoint, or with all that the limits leave "
+    f"in one that is {BEYOND_K:g} K hotter than "
+    "it has contracted at this stress. The shortest setpoint is then "
     f"{100 * BACK_OFF:g} % longer than the wire seems to be, until another is asked for, the load changes, or it is "
-    f"tried again: after {FIRST_AGAIN_TIMES:g} of the wire's time constants, in vain twice as long, at most "
-    f"{LAST_AGAIN_TIMES:g}",
+    f"tried again: after {FIRST_AGAIN_TIMES:g} time constants, in vain twice as long, at most {LAST_AGAIN_TIMES:g}",
     longest(
         PATIENCE_s, PATIENCE_TIMES * parameter_value("thermal.heat_capacity") / parameter_value("thermal.heat_loss")
     )

@@ -28,12 +28,11 @@ def contradicted_m(step: Step) -> float:
 
 @guard(
     words="the displacement sensor contradicts the position",
-    remedy="Compare both with a ruler: where the sensor is right, look at the load cell, at crimps and mount, and "
-    "identify the model anew; else at the sensor, its mount and its channel. instruments.daq.lvdt_channel 0 leaves it "
-    "out",
-    detector="where a displacement sensor is fitted and the estimate is inside its calibration: they are apart by more "
-    f"than {100 * APART:g} % of the full stroke and half of the estimate's 95 % interval for {APART_s:g} s; one that "
-    "stands still shows when the wire is moved; the estimate is gone by",
+    remedy="Compare both with a ruler. Where the sensor is right, look at load cell, crimps and mount, and identify "
+    "anew; else at the sensor, its mount and channel. instruments.daq.lvdt_channel 0 leaves it out",
+    detector="a displacement sensor, where fitted, and an estimate inside its calibration are apart by more "
+    f"than {100 * APART:g} % of the full stroke and half of the estimate's 95 % interval for {APART_s:g} s; a sensor "
+    "that stands still shows when the wire is moved",
     within=seconds(APART_s) + TWO_STEPS,
     action=Action.NOTE,
 )

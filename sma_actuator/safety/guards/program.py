@@ -92,10 +92,8 @@ def clock_jump(step: Step) -> str:
     words="the control loop overruns",
     remedy="Lower loop.rate, or take other work off this computer; `sma-actuator check` says which rate the "
     "instruments allow",
-    detector="deadlines of loop.rate that steps missed, less half of those that were met since: loop.overruns_to_fault "
-    "of them; a "
-    "single gap counts for half of that at the most. So steps that all come late are seen, and a stutter that misses a "
-    "third",
+    detector="deadlines of loop.rate that steps missed, less half of those met since, are loop.overruns_to_fault; a "
+    "single gap counts for half of that at the most",
     within=parameter_value("loop.overruns_to_fault") * READING_TIMEOUT,
     action=Action.OFF,
     latches=True,

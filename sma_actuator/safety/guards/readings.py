@@ -195,18 +195,14 @@ def readings_repeat(step: Step) -> str:
 
 @guard(
     words="the load cell does not show the load",
-    remedy="Check the load cell, its cable and its amplifier: something stands still. Where all is well (a source of "
-    "noise was switched off) clear the fault, and what is usual is seen anew; safety.least_noise 0 leaves the noise "
-    "out",
-    detector=f"of the load cell's channel, once this run has shown what is usual: values repeat far more often (as in "
-    f"readings_repeat); or "
-    f"over {WINDOW} readings less than safety.least_noise of the least noise that it has had; or two motions running, "
-    f"to and fro, by "
-    f"{100 * SWING:g} % of the full stroke or more with less than {100 * FOLLOWS:g} % of the change of load that "
-    f"belonged to such motions "
-    "so far (a spring's; a dead weight's does not change; of a load that changes by itself it is seen anew). Or, where "
-    "a displacement sensor is fitted: it contradicts the position (as in position_contradicted) since the load changed "
-    "by itself, before three motions have shown what that load does",
+    remedy="Check the load cell, its cable and amplifier. Where all is well (a source of noise was switched off) "
+    "clear the fault, and what is usual is seen anew; safety.least_noise 0 leaves noise out",
+    detector="of the load cell's channel, once this run has shown what is usual: values repeat as in "
+    f"readings_repeat; or its noise is less than safety.least_noise of the least so far over {WINDOW} readings; or "
+    f"two motions running, to and fro, by {100 * SWING:g} % of the full stroke or more with less than "
+    f"{100 * FOLLOWS:g} % of the change of load that belonged to such motions so far, as on a spring. Or, where "
+    "fitted, the displacement sensor contradicts the position (as in position_contradicted) since the load changed by "
+    "itself, before three motions have shown what that load does",
     within=longest((WINDOW + 10) / RATE, APART_s + TWO_STEPS),
     action=Action.OFF,
     latches=True,

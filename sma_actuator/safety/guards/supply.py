@@ -201,15 +201,13 @@ def measurements_disagree(step: Step) -> str:
 
 @guard(
     words="the measured current drifts from what the supply delivers",
-    remedy="Where the supply's display agrees with what it was told, look at the sense resistor: its value "
-    "(circuit.reference_resistance), its contacts, what it warms to (one of more watts warms less); else at the "
-    "supply. Whoever clears this fault takes the difference as it is then for right",
-    detector="while the supply holds its current: the DAQ's current, averaged over "
-    f"{WINDOW_s:g} s, off the one that was set by more than safety.current_drift of it and {FLOOR_A * 1e3:g} mA beyond "
-    f"what it was off "
-    f"when such a current first flowed (by {SCALE * 100:g} % more of what it lies beyond the currents that have), and "
-    f"by more than the mean of the current that was set depends on how late the DAQ is, up to {LAG_s:g} s or two "
-    f"readings; the same over {LONGER} s, in which motion matters less",
+    remedy="Where the supply's display agrees with what it was told, look at the sense resistor: "
+    "circuit.reference_resistance, contacts, warming (one of more watts warms less); else at the supply. Clearing "
+    "this fault takes the difference as it is then for right",
+    detector="while the supply holds its current: the DAQ's mean current over "
+    f"{WINDOW_s:g}, {LONGER} s is off the one that was set by safety.current_drift of it and {FLOOR_A * 1e3:g} mA "
+    f"more than when such a current first flowed ({SCALE * 100:g} % more beyond the currents that have), and by more "
+    f"than a DAQ that is late by {LAG_s:g} s or two readings explains",
     within=seconds(WINDOW_s + LAG_s) + TWO_STEPS,
     action=Action.OFF,
     latches=True,
@@ -245,13 +243,12 @@ def current_drifts(step: Step) -> str:
 
 @guard(
     words="the measured voltage drifts from what the supply measures",
-    remedy="Where a voltmeter at the wire agrees with the supply's display, look at the DAQ's channel of the supply's "
-    "voltage and its divider; else at the contacts between supply and wire. Whoever clears this fault takes the "
-    "difference as it is then for right",
-    detector=f"the DAQ's voltage, averaged over {WINDOW_s:g} s, off the supply's own by more than safety.voltage_drift "
-    f"of it and {FLOOR_V * 1e3:g} mV beyond what it was off when such a current first flowed (what its leads drop), "
-    f"by more than the mean depends on how late either is, up to {METER_LAG_s:g} s or two readings, and more than the "
-    f"step of the supply's digits; the same over {LONGER} s, in which motion matters less",
+    remedy="Where a voltmeter at the wire agrees with the supply's display, look at the DAQ's channel and its "
+    "divider; else at the contacts between supply and wire. Clearing this fault takes the difference as it is then "
+    "for right",
+    detector=f"the DAQ's mean voltage over {WINDOW_s:g}, {LONGER} s is off the supply's own by safety.voltage_drift "
+    f"of it and {FLOOR_V * 1e3:g} mV more than when such a current first flowed, and by more than either being late by "
+    f"{METER_LAG_s:g} s or two readings, and the supply's digits, explain",
     within=seconds(WINDOW_s + METER_LAG_s) + TWO_STEPS,
     action=Action.OFF,
     latches=True,

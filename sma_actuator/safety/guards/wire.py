@@ -124,11 +124,10 @@ def too_hot(step: Step) -> str:
 @guard(
     words="the heat loss is not that of the parameters",
     remedy="Let air to the wire, or correct thermal.heat_loss and ambient_temperature",
-    detector=f"the heat balance says that the wire is above its surroundings by less than {LEAST_RISE:g} of what is "
-    "left from there to the temperature at which it came back when it was calibrated, and it stays contracted, by more "
-    f"than half of the estimate's 95 % interval, for {COOLING_TIMES:g} of its time constants, heat_capacity / "
-    "heat_loss, or longer: it is enclosed, or the surroundings are warmer than believed (without a calibration, or in "
-    "surroundings, or under a load, in which it does not come back so far: never)",
+    detector=f"for {COOLING_TIMES:g} of its time constants, heat_capacity / heat_loss, or longer the wire stays "
+    "contracted, by more than half of the estimate's 95 % interval, though the heat balance has it cooled to "
+    f"{LEAST_RISE:g} of the rise at which it came back when it was calibrated: it is enclosed, or the surroundings "
+    "are warmer than believed (never without a calibration, or where it does not come back so far)",
     within=COOLING_TIMES * parameter_value("thermal.heat_capacity") / parameter_value("thermal.heat_loss") + TWO_STEPS,
     action=Action.OFF,
     latches=True,
@@ -165,11 +164,10 @@ def heat_loss_wrong(step: Step) -> str:
 @guard(
     words="the ambient sensor is not believed",
     remedy="Check the ambient sensor; thermal.ambient_temperature is taken instead",
-    detector="ambient temperature below ambient_temperature − ambient_tolerance, above 100 °C, or below "
-    "ambient_temperature without one changed digit for thermal.ambient_stuck_time, or no number from the channel that "
-    "instruments.daq.ambient_temperature_channel names; ambient_temperature is taken instead, or what was believed "
-    f"until then where that is more, less {AMBIENT_FALL_K_s:g} K/s. "
-    f"Below that, a sensor that falls is followed at {AMBIENT_FALL_K_s:g} K/s",
+    detector="ambient temperature below ambient_temperature − ambient_tolerance, above 100 °C, below "
+    "ambient_temperature without one changed digit for thermal.ambient_stuck_time, or no number from "
+    "instruments.daq.ambient_temperature_channel; what was believed falls from then on, as below a sensor that falls, "
+    f"by no more than {AMBIENT_FALL_K_s:g} K/s",
     within=ONE_STEP,
     action=Action.NOTE,
 )
