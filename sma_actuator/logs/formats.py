@@ -247,11 +247,13 @@ def _tdms(path: Path) -> Table:
         groups = {group.name: group.channels() for group in file.groups() if group.channels()}
         channels = [(g, c) for g, found in groups.items() for c in found]
         refuse_larger(path, _NUMBER_B * sum(len(channel) for _, channel in channels))
-        units = {c.name: str(c.properties["unit_string"]) for _, c in channels if c.properties.get("unit_string")}
+        units: dict[str, str] = {}
         columns: dict[str, Any] = {}
         for group, channel in channels:
             name = channel.name if len(groups) == 1 else f"{group}/{channel.name}"
             columns[name] = channel[:]
+            if channel.properties.get("unit_string"):
+                units[name] = str(channel.properties["unit_string"])
         first = channels[0][1] if channels else None
         if first is not None and first.properties.get("wf_increment") and "time_s" not in columns:
             columns["time_s"] = np.arange(len(first)) * float(first.properties["wf_increment"])
@@ -279,6 +281,7 @@ def _hdf5(path: Path) -> Table:
         elif isinstance(item, h5py.Dataset) and item.dtype.kind in "fiub" and item.size:
             columns[name] = np.squeeze(item[()])
             unit = item.attrs.get("unit", item.attrs.get("units"))
+            unit = unit.decode(errors="replace") if isinstance(unit, bytes) else unit  # of fixed length, as from C
             if isinstance(unit, str) and unit:
                 units[name] = unit
 
@@ -337,6 +340,7 @@ def _table(
 ) -> Table:
     """Columns of anything as numbers; text is left out, dates become seconds."""
     numbers: dict[str, np.ndarray] = {}
+    units = dict(units or {})
     notes = [place] if place else []
     texts: dict[int, str] = {}
     left_out: dict[str, str] = {}
@@ -347,13 +351,15 @@ def _table(
         column, note = _numbers(name, values)
         if note:
             notes.append(note)
+        if note and column is not None:
+            units[name] = "s"  # dates, whatever the header says of how they are written
         if column is not None:
             numbers[name] = column
         else:
             left_out[name] = next((v for v in values if isinstance(v, str) and not is_number(v)), "")
     if not numbers:
         raise BenchLogError(f"{path}: holds no column of numbers{': ' if left_out else ''}{holds_text(left_out)}")
-    return Table(numbers, str(path), dict(units or {}), texts, tuple(notes), first_line, left_out)
+    return Table(numbers, str(path), units, texts, tuple(notes), first_line, left_out)
 
 
 def _numbers(name: str, values: Any) -> tuple[np.ndarray | None, str]:

@@ -34,6 +34,7 @@ from .tables import Table, holds_text
 from .units import UNITS, Unit, unit_in_words, unit_of
 
 _MISSPELT = 0.86  #: likeness above which a name is one of ours with a slip in it
+_BRACKETS = re.compile(r"[(\[]\s*([^)\]]+?)\s*[)\]]")
 _SECTIONS = ("columns", "units", "offsets")
 #: Words of a displacement that grows as the wire shortens, where ours grows as it lengthens.
 _CONTRACTS = frozenset({"contraction", "shortening", "kontraktion", "verkurzung", "contraccion", "contrazione"})
@@ -84,7 +85,7 @@ class ColumnMap:
             unit, words = self._unit(ours, theirs, table)
             columns[ours] = unit.to_si(table.columns[theirs]) + self.offsets.get(ours, 0.0)
             if theirs != ours and ours not in self.columns:
-                notes.append(f"column '{theirs}' is taken for {ours}, {words}")
+                notes.append(f"column '{theirs}' is taken for {ours}{words and ', '}{words}")
             elif words and ours not in self.units:
                 notes.append(f"{ours}: '{theirs}' is {words}")
         if self.known == tuple(COLUMNS):
@@ -97,7 +98,7 @@ class ColumnMap:
         units = dict(self.units)
         for ours, theirs in wanted.items():
             if isinstance(theirs, str) and ours not in units:
-                units[ours] = table.units.get(theirs) or unit_in(theirs, _own_unit(ours)) or _own_unit(ours)
+                units[ours] = _unit_said(theirs, _own_unit(ours), table) or _own_unit(ours)
         units = {ours: unit for ours, unit in units.items() if ours in wanted and unit != _own_unit(ours)}
         return ColumnMap(wanted, units, self.offsets, self.known)
 
@@ -139,24 +140,19 @@ class ColumnMap:
     def _unit(self, ours: str, theirs: str, table: Table) -> tuple[Unit, str]:
         """Unit of a column, and words for it where it is not ours."""
         own = _own_unit(ours)
-        found = table.units.get(theirs) or unit_in(theirs, own)
+        found = _unit_said(theirs, own, table)
         said = self.units.get(ours)
-        if (
-            said is not None
-            and found
-            and said.lstrip("-") != found
-            and UNITS[own].get(found) != UNITS[own].get(said.lstrip("-"))
-        ):
+        if said is not None and found and unit_in_words(found, own) != unit_in_words(said.lstrip("-"), own):
             raise BenchLogError(
                 f"{table.source}: line 1: --unit {ours}={said}, but '{theirs}' says {found}; if the file is wrong, "
                 f"rename the column in it"
             )
-        text = said if said is not None else found or _other_unit_in(theirs, own) or own
+        text = said if said is not None else found or _in_brackets(theirs) or own
         unit = unit_in_words(text, own)
         if unit is None:
             raise BenchLogError(
-                f"{table.source}: line 1: '{theirs}' is in {text}, which is no unit of {ours}; known are "
-                f"{', '.join(UNITS[own])}, or say what one of it "
+                f"{table.source}: line 1: '{theirs}' is in {text}, which is no unit of {ours}; say its own with "
+                f"--unit: known are {', '.join(UNITS[own])}, or what one of it "
                 f"is{_ONE_OF_IT.get((text, own), f', as --unit {ours}=1{own}')}"
             )
         return unit, "" if text == own else f"in {text}"
@@ -222,15 +218,26 @@ def _ours(theirs: str, known: tuple[str, ...]) -> str | None:
 def unit_in(name: str, own: str) -> str:
     """Unit that a column's name says, as ``Pos (mm)``, ``Pos [mm]``, ``pos_mm``, ``Pos / mm``; "" where it says
     none."""
-    match = re.search(r"[(\[]\s*([^)\]]+?)\s*[)\]]\s*$|[/_ ]\s*([^\s/_]+)$", name)
-    return unit_of((match[1] or match[2]) if match else "", own)
+    last = re.search(r"[/_ ]\s*([^\s/_]+)$", _BRACKETS.sub("", name).rstrip())
+    texts = [*_BRACKETS.findall(name), last[1] if last else ""]
+    return next((unit for unit in (unit_of(text, own) for text in texts) if unit), "")
+
+
+def _unit_said(theirs: str, own: str, table: Table) -> str:
+    """Unit of a column that the file says: beside its name, whatever it is, or in it; "" where it says none."""
+    beside = table.units.get(theirs, "")
+    return unit_of(beside, own) or beside or unit_in(theirs, own)
+
+
+def _in_brackets(name: str) -> str:
+    """What stands in brackets in a column's name, which would be its unit; "" where nothing or an index does."""
+    return next((text for text in reversed(_BRACKETS.findall(name)) if not text.isdecimal()), "")
 
 
 def _other_unit_in(name: str, own: str) -> str:
     """Unit in brackets in a column's name that measures something else than ``own``, as percent of a length; "" where
     none does."""
-    match = re.search(r"[(\[]\s*([^)\]]+?)\s*[)\]]\s*$", name)
-    found = match[1] if match else ""
+    found = _in_brackets(name)
     return (
         found
         if (own != "1" and any(found in units for kind, units in UNITS.items() if kind not in (own, "1")))

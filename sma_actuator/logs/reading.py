@@ -226,7 +226,7 @@ def _joined(logs: list[BenchLog], say: Say) -> list[BenchLog]:
         before = out[-1] if out else None
         if before is not None and _follows(before, log):
             columns = {name: np.concatenate((before[name], log[name])) for name in before.columns}
-            metadata = {**before.metadata, "part": log.metadata["part"]}
+            metadata = {**before.metadata, "part": log.metadata.get("part", 1)}
             out[-1] = dataclasses.replace(before, columns=columns, metadata=metadata, events=before.events + log.events)
             say(f"{log.name}: goes on from {before.name}")
         else:
@@ -240,14 +240,15 @@ def _joined(logs: list[BenchLog], say: Say) -> list[BenchLog]:
 
 
 def _follows(before: BenchLog, log: BenchLog) -> bool:
+    """Whether it is the next file of one recording: by what its recorder wrote beside it, or, of other makers, since
+    the clock goes on without a pause."""
+    pause_s = log["time_s"][0] - before["time_s"][-1]
     recording = before.metadata.get("recording")
-    return (
-        recording is not None
-        and log.metadata.get("recording") == recording
-        and log.metadata.get("part") == before.metadata.get("part", 0) + 1
-        and set(log.columns) == set(before.columns)
-        and log["time_s"][0] > before["time_s"][-1]
-    )
+    if set(log.columns) != set(before.columns) or log.metadata.get("recording") != recording or not pause_s > 0.0:
+        return False
+    if recording is None:
+        return bool(pause_s <= longest_pause_s(before))
+    return bool(log.metadata.get("part") == before.metadata.get("part", 0) + 1)
 
 
 def one_map(found: Sequence[ColumnMap]) -> ColumnMap:

@@ -358,7 +358,8 @@ def _parse(stream: BinaryIO, path: Path, progress: Progress | None) -> Table:
         raise BenchLogError(
             f"{path}: line {header.first_line}: holds no column of numbers: {holds_text(parser.left_out)}"
         )
-    return Table(columns, str(path), header.units, parser.events, tuple(notes), header.first_line, parser.left_out)
+    units = header.units | dict.fromkeys(parser.moments, "s")  # whatever the header says of how they are written
+    return Table(columns, str(path), units, parser.events, tuple(notes), header.first_line, parser.left_out)
 
 
 class _ChunkParser:

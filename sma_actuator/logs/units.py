@@ -40,14 +40,23 @@ UNITS: dict[str, dict[str, Unit]] = {
     "W": _prefixed("W"),
     "N": {
         **_prefixed("N"),
+        "cN": Unit(1e-2),
+        "daN": Unit(10.0),
         "g": Unit(1e-3 * _GRAVITY_m_s2),
         "gf": Unit(1e-3 * _GRAVITY_m_s2),
         "kg": Unit(_GRAVITY_m_s2),
         "kgf": Unit(_GRAVITY_m_s2),
-        "lb": Unit(4.4482216152605),
-        "lbf": Unit(4.4482216152605),
+        **dict.fromkeys(("lb", "lbs", "lbf"), Unit(4.4482216152605)),
+        **dict.fromkeys(("oz", "ozf"), Unit(4.4482216152605 / 16.0)),
     },
-    "m": {**_prefixed("m"), "cm": Unit(1e-2), "in": Unit(0.0254), "inch": Unit(0.0254), "mil": Unit(25.4e-6)},
+    "m": {
+        **_prefixed("m"),
+        "nm": Unit(1e-9),
+        "cm": Unit(1e-2),
+        "in": Unit(0.0254),
+        "inch": Unit(0.0254),
+        "mil": Unit(25.4e-6),
+    },
     "C": {
         "C": _SAME,
         "°C": _SAME,
@@ -68,6 +77,33 @@ UNITS: dict[str, dict[str, Unit]] = {
 }
 #: How parameters write a unit whose name in a column is another.
 _TYPED = {"Ω": "Ohm", "°C": "C"}
+#: Words for units, singular, and for prefixes; what stands for them above.
+_WORDS = {
+    word: symbol
+    for symbol, words in {
+        "V": "volt",
+        "A": "ampere amp",
+        "Ohm": "ohm",
+        "W": "watt",
+        "Pa": "pascal",
+        "N": "newton",
+        "g": "gram gramm",
+        "lb": "pound",
+        "oz": "ounce",
+        "m": "metre meter",
+        "um": "micron",
+        "in": "inch inche",
+        "mil": "thou",
+        "s": "second sec",
+        "min": "minute",
+        "h": "hour",
+        "C": "celsius",
+        "K": "kelvin",
+    }.items()
+    for word in words.split()
+}
+_PREFIX_WORDS = {"nano": "n", "micro": "u", "milli": "m", "m": "m", "centi": "c", "kilo": "k", "mega": "M", "": ""}
+_IN_WORDS = re.compile(rf"({'|'.join(_PREFIX_WORDS)})({'|'.join(_WORDS)})s?")
 
 
 def quantity(text: str, unit: str) -> float | None:
@@ -88,12 +124,12 @@ def unit_in_words(text: str, own: str) -> Unit | None:
     where it says nothing."""
     sign, symbol = (-1.0, text[1:]) if text.startswith("-") else (1.0, text)
     factor = sign
-    if symbol not in UNITS[own]:
+    if not unit_of(symbol, own):
         written = re.fullmatch(r"\s*(\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)\s*(\S+)", symbol)
-        if written is None or written[2] not in UNITS[own]:
+        if written is None or not unit_of(written[2], own):
             return None
         factor, symbol = sign * float(written[1]), written[2]
-    unit = UNITS[own][symbol]
+    unit = UNITS[own][unit_of(symbol, own)]
     return Unit(factor * unit.factor, sign * unit.offset)
 
 
@@ -104,7 +140,11 @@ def unit_of(text: str, own: str) -> str:
     if text in UNITS[own]:
         return text
     alike = [unit for unit in UNITS[own] if unit.lower() == text.lower()]
-    return alike[0] if len({UNITS[own][unit] for unit in alike}) == 1 else ""
+    if len({UNITS[own][unit] for unit in alike}) == 1:
+        return alike[0]
+    words = _IN_WORDS.fullmatch(text.lower())
+    symbol = _PREFIX_WORDS[words[1]] + _WORDS[words[2]] if words else ""
+    return symbol if symbol in UNITS[own] else ""
 
 
 def metres(text: str) -> float:

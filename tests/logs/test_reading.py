@@ -210,3 +210,28 @@ def test_check_log_writes_the_map_that_it_went_by(tmp_path, capsys):
     assert again.columns.units == {"displacement_m": "-mm"}
     moved_m = contraction["displacement_m"]
     np.testing.assert_allclose(log["displacement_m"] - log["displacement_m"].max(), moved_m - moved_m.max(), atol=1e-8)
+
+
+def in_files(folder, pause_s):
+    """One recording in two files, the clock of the second ``pause_s`` behind the first's last reading."""
+    log = pulses(2)
+    rows = np.column_stack([log[name] for name in HEADER.split(",")])
+    half = len(rows) // 2
+    rows[half:, 0] += pause_s - (rows[half, 0] - rows[half - 1, 0])
+    for name, part in (("run_001.csv", rows[:half]), ("run_002.csv", rows[half:])):
+        np.savetxt(folder / name, part, delimiter=",", header=HEADER, comments="", fmt="%.9g")
+    return rows
+
+
+def test_files_of_a_logger_whose_clock_goes_on_are_one_recording(tmp_path):
+    rows, said = in_files(tmp_path, pause_s=0.02), []
+    (log,) = read_logs([tmp_path], ReadingOptions(), said.append)
+    np.testing.assert_allclose(log["time_s"], rows[:, 0], rtol=1e-8)
+    np.testing.assert_allclose(log["displacement_m"], rows[:, 4], rtol=1e-8)
+    assert "run_002.csv: goes on from run_001.csv" in said
+
+
+@pytest.mark.parametrize("pause_s", [-5.0, 0.0, 30.0])
+def test_files_with_a_pause_between_them_or_a_clock_that_begins_again_are_two(pause_s, tmp_path):
+    in_files(tmp_path, pause_s)
+    assert len(read_logs([tmp_path], ReadingOptions())) == 2
