@@ -630,31 +630,36 @@ def _digest_of(data: bytes) -> str:
 
 
 def _page(findings: Findings) -> str:
-    lines = [
-        "# Mutants",
-        "",
-        "Written by `make mutants` (`python benchmarks/mutants.py`), which changes one place of what guards the wire",
-        "and runs the tests of that line on it. A mutant that no test notices is listed, or stands with its reason in",
-        "`benchmarks/mutants_equivalent.yaml` because it changes nothing that anybody could see. Those that were tried",
-        "were drawn at random from the whole file, and count until the function changes in which they stand.",
-        "",
-        "| source | mutants | equivalent | tried | not noticed |",
-        "|---|---|---|---|---|",
-    ]
     alive: list[str] = []
-    sums = [0, 0, 0, 0]
+    rooms: dict[str, list[int]] = {}
     known = equivalent()
     for target in TARGETS:
         everything = mutants_of(target)
         found = _without(everything, known)
         lives = findings.of(target, found)
         left = [mutant for mutant in found if lives.get(mutant.key)]
-        row = (len(everything), len(everything) - len(found), len(lives), len(left))
-        sums = [a + b for a, b in zip(sums, row, strict=True)]
-        lines.append(f"| `{target}.py` | " + " | ".join(map(str, row)) + " |")
+        row = (1, len(everything), len(everything) - len(found), len(lives), len(left))
+        room = f"`{target.partition('/')[0]}`"
+        rooms[room] = [a + b for a, b in zip(rooms.get(room, [0] * len(row)), row, strict=True)]
         alive += [f"- `{target}.py`: line {mutant.line},\n  `{mutant.words}`" for mutant in left]
-    lines.append("| **all of these** | " + " | ".join(map(str, sums)) + " |")
-    lines += ["", "## Not noticed", "", *(alive or ["None."])]
+    rooms["**all of these**"] = [sum(column) for column in zip(*rooms.values(), strict=True)]
+    lines = [
+        "# Mutants",
+        "",
+        "How well the tests hold what guards the wire. `make mutants` (`python benchmarks/mutants.py`) changes it one",
+        "place at a time, runs the tests of that line, and writes this page. A mutant that no test notices is listed,",
+        "or stands with its reason in `benchmarks/mutants_equivalent.yaml` because nobody could see what it changes.",
+        "Those that were tried were drawn at random from the whole file, and count until the function changes in which",
+        "they stand.",
+        "",
+        "| room | files | mutants | equivalent | tried | not noticed |",
+        "|---|---|---|---|---|---|",
+        *(f"| {room} | " + " | ".join(map(str, row)) + " |" for room, row in rooms.items()),
+        "",
+        "## Not noticed",
+        "",
+        *(alive or ["None."]),
+    ]
     return "\n".join(lines) + "\n"
 
 
