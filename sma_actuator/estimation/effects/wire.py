@@ -416,18 +416,11 @@ class MinorLoopMemory(Effect):
     )
     fading: float = parameter(0.0, "share of the stroke before a branch's end on which the shift goes", "1", 0.0, 2.0)
     relaxation_time: float = parameter(0.0, "time constant with which the shift comes and goes", "s", 0.0, 100.0)
-    beyond_ends: float = parameter(
-        0.0,
-        "share of the stroke beyond both ends of it at which a wire would have transformed to the end",
-        "1",
-        0.0,
-        1.0,
-    )
 
     def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """Add the shift."""
         missing, begun = np.empty(len(frame.displacement_m)), np.empty(len(frame.displacement_m))
-        share = (place.share_of_stroke(frame) + self.beyond_ends) / (1.0 + 2.0 * self.beyond_ends)
+        share = place.share_of_stroke(frame)
         range_Ohm = place.resistance_range_Ohm
         turning = frame.resistance_Ohm / range_Ohm if np.isfinite(range_Ohm) else share
         incompleteness(frame.heating, share, np.ascontiguousarray(turning), state[:5], missing, begun)
@@ -451,7 +444,6 @@ class MinorLoopMemory(Effect):
             size("after_cooling", 0.6 * scales.stroke_m, 0.05 * scales.stroke_m),
             Free("fading", 0.02, 1.5, 1.0, (0.2, 0.8), False),
             shape("relaxation_time", 1e-2, 5.0, 0.1, 0.5),
-            Free("beyond_ends", 0.0, 0.3, 0.1, (0.0, 0.1), False),
         ]
 
     @classmethod

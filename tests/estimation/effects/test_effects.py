@@ -406,15 +406,6 @@ def test_a_branch_that_is_completed_has_forgotten_how_the_last_one_turned():
     assert shift[-1] == pytest.approx(0.0, abs=1e-12)
 
 
-def test_a_wire_that_is_nowhere_transformed_to_the_end_has_turned_early_everywhere():
-    """Its ends lie within those of the transformation: so much is missing at either, and so much more in between."""
-    _, shift = turned_half_way(beyond_ends=0.0)
-    _, beyond = turned_half_way(beyond_ends=0.1)
-    assert shift[-1] == beyond[-1] == pytest.approx(0.5 * 5e-4)  # in the middle it is the half as before
-    _, fading = turned_half_way(beyond_ends=0.1, fading=0.2)
-    assert fading[-1] == pytest.approx(0.5 * 5e-4 * (0.1 / 1.2) / 0.2)  # at the end not all of the shift has gone
-
-
 def test_the_shift_of_a_turn_comes_slowly():
     _, sudden = turned_half_way()
     _, slow = turned_half_way(relaxation_time=20.0)
