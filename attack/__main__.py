@@ -157,16 +157,17 @@ seeded; what broke a promise is listed with the command that shows it again.
 Lines, kills and fuzz run in real time: the longest that the machine stood still is taken off once, so on a busy one its
 other stalls are among what is listed here.
 """
-SOAKS = """
-`soak` drives a wire and its recorder for a virtual day; `node_soak` a node that is listened to and configured anew
-again and again. *Grown* counts from when everything that is there once was there. A leak would be objects by the
-million, or memory that goes on growing in the second half. What a node takes each time that it is configured does not
-level off and is no object of Python's; where it goes is not known.
+WORST = """
+The worst of each unit; `python -m attack --show` prints everything. Which lies of a sensor are found, and what they do
+until then: [guards.md](guards.md#sensors-that-lie). The soaks drive a wire and its recorder for a virtual day, and a
+node that is listened to and configured anew again and again: a leak would be objects by the million, or memory that
+goes on growing. What a node takes each time that it is configured does not level off and is no object of Python's;
+where it goes is not known.
 """
 HEAT = """
 Limits as `sma-actuator init` writes them; shares are of the stroke from the cold to where the wire is shortest, the
 least that was held for ten minutes under a light, a middle and the largest load. Shown are the hottest wires and those
-that held the least; `python -m attack --show` prints all.
+that held the least.
 """
 RUN = """
 Each piece is kept with its commit in `attack/kept.json`; `python -m attack --show` says what is older than the code by
@@ -192,38 +193,29 @@ def page(kept: Kept) -> str:
         if result.violations:
             lines += ["", f"{TITLES[name]}:", ""]
             lines += [_entry(line) for line in result.verdict().splitlines() if " × " in line]
-    lines += ["", "## Worst seen"]
+    lines += ["", "## Worst seen", *WORST.splitlines(), "", "| attack | what | worst |", "|---|---|---|"]
     for name, result in results.items():
-        said = {"heat": HEAT, "soak": SOAKS}.get(name, "")
-        rows = table(result.worst, EXTREMES) if name == "heat" else _worst(result.worst)
-        lines += [
-            "",
-            f"### {TITLES[name][:1].upper()}{TITLES[name][1:]}",
-            "",
-            *said.splitlines()[1:],
-            *([""] if said else []),
-            *rows,
-        ]
+        if name != "heat":  # it has a table of its own
+            lines += [f"| {TITLES[name]} | {what} | {value:.3g} |" for what, value in _worst(result.worst)]
+    if "heat" in results:
+        lines += ["", f"### {TITLES['heat'].capitalize()}", *HEAT.splitlines(), ""]
+        lines += table(results["heat"].worst, EXTREMES)
     lines += ["", "## What was run", *RUN.splitlines(), ""]
-    lines += ["| attack | commit | on | how much | when this page was written |", "|---|---|---|---|---|"]
-    lines += [f"| {' | '.join(row)} |" for row in table_of_pieces(kept, TITLES)]
+    lines += [
+        "| attack | commit | on | how much | older than the code, when this was written |",
+        "|---|---|---|---|---|",
+    ]
+    for *row, why_older in table_of_pieces(kept, TITLES):
+        lines.append(f"| {' | '.join(row)} | {why_older.removeprefix('older than the code: ')} |")
     return "\n".join(lines) + "\n"
 
 
-def _worst(worst: dict[str, float]) -> list[str]:
-    """A row for each thing that was done, a column for each measure of it: names are ``thing: measure``."""
-    measures = sorted({name.rpartition(": ")[2] for name in worst if ": " in name})
-    if not measures:
-        return [
-            "| what | worst |",
-            "|---|---|",
-            *(f"| {what} | {value:.3g} |" for what, value in sorted(worst.items())),
-        ]
-    rows = [f"| what | {' | '.join(measures)} |", "|---|" + "---|" * len(measures)]
-    for thing in sorted({name.rpartition(": ")[0] for name in worst}):
-        values = (worst.get(f"{thing}: {measure}") for measure in measures)
-        rows.append(f"| {thing} | {' | '.join('' if value is None else f'{value:.3g}' for value in values)} |")
-    return rows
+def _worst(worst: dict[str, float]) -> list[tuple[str, float]]:
+    """The largest of each unit, which stands in brackets at the end of a name."""
+    largest: dict[str, tuple[str, float]] = {}
+    for what, value in sorted(worst.items(), key=lambda item: item[1]):
+        largest[what.rpartition(" [")[2] if "[" in what else what] = (what, value)
+    return list(largest.values())
 
 
 def _entry(line: str) -> str:
