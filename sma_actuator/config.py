@@ -307,7 +307,8 @@ def markdown() -> str:
         "`<name>.tables.npz` beside the file, which the section `tables` names with its SHA-256: copy both together. A",
         "list that stands in the YAML counts before it.",
     ]
-    for title, before, rows in _tables():
+    for title, before, found in _tables():
+        rows = _merged(found)
         shown = [place for place in range(len(COLUMNS)) if any(row[place] for row in rows)]
         head, *table = (f"| {' | '.join(row[place] for place in shown)} |" for row in [COLUMNS, *rows])
         out += ["", f"## {title}", "", *before, head, "|" + "---|" * len(shown), *table]
@@ -335,6 +336,14 @@ def _tables() -> list[Table]:
     effects = [(name, cls) for name, cls in EFFECTS.items() if cls.PART != "reference"]
     rows = [*_rows(Effects), *(row for name, cls in effects for row in _rows(cls, f"{name}."))]
     return [*tables, ("`effects.`", [], rows), ("The node of a joint", [], _rows(PairParameters))]
+
+
+def _merged(rows: list[list[str]]) -> list[list[str]]:
+    """One row for what is the same in several parts, as ``supply.backend`` and ``daq.backend``."""
+    names: dict[tuple[str, ...], list[str]] = {}
+    for name, *rest in rows:
+        names.setdefault((name.partition(".")[2] or name, *rest), []).append(name)
+    return [[", ".join(same), *rest] for (_, *rest), same in names.items()]
 
 
 def _class_of(field: dataclasses.Field) -> type:
