@@ -70,15 +70,13 @@ TEMPERATURE_DERATING = Limit(
     "Give the wire time to cool. Where it stays short of its setpoint: `sma-actuator check` says how hot it may become "
     "and what decides that",
     "the largest current that leaves the wire below thermal.max_temperature until supply.watchdog_timeout cuts it "
-    "(where there is none: for ever, in a wire that loses heat_loss / unwatched_margin), by the closest of: its "
-    "resistance (thermal.transformed_temperature at its least since the wire was certainly cool, and 1 K for each "
-    f"{LEAST_SLOPE_1_K:g} more; of a calibrated wire the temperature at which it had transformed as far, its rise "
-    f"{CAPACITY_WITHIN:g} times); a wire that loses heat_loss / heat_loss_margin ({NOT_CONTRACTED_MARGIN:g} at the "
-    f"most while it shows more than contracted); {SUDDENLY:g} of what it has shown to lose over {LOSING_TIMES:g} of "
-    "its time constants. Above thermal.derate_temperature, by heat_loss, linearly from supply.max_current down to "
-    "supply.bias_current at max_temperature. A wire of which nothing is known yet gets the bias until it is certainly "
-    f"cool: at the longest {COLD_TIMES:g} time constants, heat_capacity / heat_loss times the margin. "
-    "[Why](guards.md#heat)",
+    "(where there is none: for ever, in a wire that loses heat_loss / unwatched_margin), by the closest of "
+    "[these](guards.md#heat): its resistance (thermal.transformed_temperature at its least, and 1 K for each "
+    f"{LEAST_SLOPE_1_K:g} more; its calibration, with {CAPACITY_WITHIN:g} times the rise); heat_loss / "
+    f"heat_loss_margin ({NOT_CONTRACTED_MARGIN:g} at the most until it has contracted); {SUDDENLY:g} of what it has "
+    f"shown to lose over {LOSING_TIMES:g} time constants. Above thermal.derate_temperature linearly down to "
+    f"supply.bias_current. A wire of which nothing is known gets the bias, for {COLD_TIMES:g} time constants, "
+    "heat_capacity / heat_loss times the margin, at the longest",
     ONE_STEP,
 )
 
