@@ -7,6 +7,7 @@ from dataclasses import replace
 from itertools import count
 from random import Random
 
+import numpy as np
 import pytest
 
 from sma_actuator.base.signals import Branch, Command, Estimate, Quality, Reading, Signals, SupplyState
@@ -739,7 +740,10 @@ def test_an_estimate_outside_is_a_fault_once_it_lasts(quality, step, config):
 
 @pytest.mark.parametrize(
     ("wanted_A", "is_fault"),
-    [(0.0, False), (0.4, False), (-1e-12, True), (math.inf, True), (-math.inf, True), (NAN, True)],
+    [
+        *((0.0, False), (0.4, False), (np.float64(0.4), False), (-1e-12, True), (math.inf, True), (-math.inf, True)),
+        *((NAN, True), (None, True), (np.array([0.4]), True), ("0.4", True)),
+    ],
 )
 def test_a_command_is_a_finite_current_of_at_least_zero(wanted_A, is_fault):
     assert bool(command_invalid.look(wanted_A)) is is_fault

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import inf, isfinite
+from numbers import Real
 
 from sma_actuator.safety.formula import parameter_value, seconds
 from sma_actuator.safety.records import Action, Fault, Step, guard
@@ -68,8 +69,9 @@ partner_off: Fault = Fault(
     each_step=False,
 )
 def command_invalid(wanted_A: float) -> str:
-    """The command is not finite, or outside 0 to the highest current."""
-    return "" if 0.0 <= wanted_A < inf else f"{wanted_A} A; a finite current of at least zero is wanted"
+    """The command is no number, not finite, or outside 0 to the highest current."""
+    is_current = isinstance(wanted_A, Real) and 0.0 <= wanted_A < inf  # a law of a plug-in may give anything
+    return "" if is_current else f"{wanted_A} A; one finite current of at least zero is wanted"
 
 
 @guard(
