@@ -115,7 +115,7 @@ def _next(args: argparse.Namespace, replays: Sequence[Replay], config: Config) -
     if word == "changed":
         return f"{said} sma-actuator trace {logs} --config {file} --out out/traced"
     if word == "not judged":
-        return f"{said} Give a log with a measured displacement."
+        return said
     complete = "instruments" in read_parameter_file(file)
     node = f"sma_actuator_node --ros-args --params-file {file}" if complete else f"sma-actuator init --start {file}"
     return f"{said} Drive with it: {node}"

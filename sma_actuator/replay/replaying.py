@@ -159,7 +159,10 @@ def verdict(replays: Sequence[Replay], config: Config) -> tuple[str, str]:
     errors = {log: percent for log, percent in percents.items() if math.isfinite(percent)}
     if not errors:
         where = "these logs" if len(replays) > 1 else "this log"
-        return "not judged", f"Nobody measured the displacement in {where}; {name} cannot be judged."
+        if any(r.experiment.log.has_reference for r in replays):
+            return "not judged", f"{name} has no estimate anywhere in {where}; see `sma-actuator check-log`."
+        said = f"Nobody measured the displacement in {where}; {name} cannot be judged."
+        return "not judged", f"{said} Give a log with a measured displacement."
     mean, worst = float(np.mean(list(errors.values()))), max(errors, key=lambda log: errors[log])
     text = f"{name} errs by {mean:.2f} % of the full stroke"
     if len(errors) > 1:

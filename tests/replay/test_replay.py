@@ -3,6 +3,7 @@ logs."""
 
 import dataclasses
 import json
+import math
 import warnings
 
 import numpy as np
@@ -22,7 +23,7 @@ from sma_actuator.logs.experiments import make_experiment
 from sma_actuator.logs.kinds import make_experiments
 from sma_actuator.replay import estimate_m, log_from_bag, replay
 from sma_actuator.replay.baselines import Duhem, NeuralNetwork, PolynomialInResistance, TwoLines, all_baselines
-from sma_actuator.replay.replaying import winners
+from sma_actuator.replay.replaying import verdict, winners
 
 
 @pytest.fixture(scope="module")
@@ -58,6 +59,14 @@ def test_taking_a_changing_load_for_constant_costs_accuracy(flexinol, model):
     experiment = make_experiment(flexinol.only("partial_2.000N")[0], model.config)
     right, wrong = estimate_m(experiment, model.config), estimate_m(experiment, model.config, constant_load_N=0.3)
     assert np.abs(wrong - experiment.displacement_m).mean() > 5 * np.abs(right - experiment.displacement_m).mean()
+
+
+def test_a_log_without_an_estimate_is_not_taken_for_one_without_a_displacement(flexinol, model):
+    log = flexinol.only("partial_0.600N")[0]
+    (judged,) = replay([log], {"flexinol": model.config})
+    errors = {"flexinol": dataclasses.replace(judged.errors["flexinol"], full_percent=math.nan)}
+    word, said = verdict([dataclasses.replace(judged, errors=errors)], model.config)
+    assert word == "not judged" and said.startswith("flexinol has no estimate anywhere in this log")
 
 
 def in_the_world_of(experiments, rule):
