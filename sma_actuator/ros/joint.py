@@ -33,7 +33,7 @@ from .parameters import ROS_PARAMETERS, NodeParameters
 from .services import CALL_TIMEOUT_s
 from .telling import Telling
 from .topics import JOINT, Service, offer
-from .words import ERROR, INFO, Log
+from .words import ERROR, INFO, Log, namesakes
 
 
 class WireNode(PairedWire, Protocol):
@@ -140,7 +140,8 @@ class JointNode(Node):
 
     def switch_on(self, wanted: Callable[[], bool] = lambda: True) -> tuple[bool, str]:
         """Both wires on, if they are ``wanted`` still when their turn has come; whether they are, and a sentence."""
-        return self._pair.switch_on(wanted)
+        done, words = self._pair.switch_on(wanted)
+        return done, words + namesakes(self)
 
     def switch_off(self) -> tuple[bool, str]:
         """Both wires off, from any thread; whether they are, and what became of each."""

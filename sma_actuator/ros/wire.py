@@ -39,7 +39,7 @@ from .spoken import Spoken
 from .switch import Switchable
 from .telling import Telling
 from .topics import WIRE, offer
-from .words import ERROR, INFO, WARNING, Log
+from .words import ERROR, INFO, WARNING, Log, namesakes
 
 ENABLE_TIMEOUT_s = 5.0  #: ``~/enable`` waits for a supply of any speed to confirm it; off of any kind ends that
 FEED_TIMEOUT_s = 0.9  #: silence of the ROS thread after which the driver switches the wire off
@@ -235,7 +235,8 @@ class SmaActuatorNode(LifecycleNode):
         if self.self_testing.runs:
             return False, "not enabled: a self-test runs; ~/enable false ends it"
         with self.arming:
-            return self.asked(lambda driver: driver.enable(True, ENABLE_TIMEOUT_s, wanted))
+            done, words = self.asked(lambda driver: driver.enable(True, ENABLE_TIMEOUT_s, wanted))
+        return done, words + namesakes(self)
 
     def switch_off(self) -> tuple[bool, str]:
         """Output off, in every state of the node and from any thread; whether it is, and the sentence that says so."""

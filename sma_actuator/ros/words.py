@@ -136,6 +136,16 @@ def _words_of_mode(before: Mode, now: Mode) -> str:
     return f"the output is on; {words}" if before is Mode.OFF else words
 
 
+def namesakes(node: Any) -> str:
+    """What to add to the answer of a node where another one on the network has its name; "" where none has."""
+    if node.count_publishers(node.resolve_topic_name("~/status")) < 2:
+        return ""
+    return (
+        f"; another node on this network is called {node.get_fully_qualified_name()}, or was until it was killed just "
+        f"now: what one is asked for, both do; name one anew, or keep them apart by ROS_DOMAIN_ID"
+    )
+
+
 class Log:
     """A node's log."""
 

@@ -1,5 +1,5 @@
 """Two nodes that want the same supply: one drives, the other waits and is silent, for every word would feed the
-watchdog."""
+watchdog.  Two of one name with a supply each: DDS hands a request to both, and the answer says so."""
 
 import pytest
 
@@ -8,6 +8,7 @@ from liar import Liar
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from processes import wait_until
+from std_srvs.srv import SetBool
 from test_node import _enabled
 
 
@@ -44,3 +45,16 @@ def test_a_node_that_waits_says_no_word_to_the_supply_and_drives_when_the_other_
     )
     _enabled(client, "/second")
     wait_until(lambda: bench.current_A() > 0.04)
+
+
+def test_who_enables_a_node_hears_that_another_has_its_name(start_bench, make_config, start_node, client):
+    for bench in (start_bench(), start_bench()):
+        start_node({"twin": make_config(instruments=bench.instruments())}, names=["twin"]).says("ready: ")
+    answers = []
+
+    def both_are_known():  # to each other: discovery takes its time
+        answers.append(client.call("/twin/enable", SetBool, SetBool.Request(data=True)))
+        return "another node on this network is called /twin" in answers[-1].message
+
+    client.spin_until(both_are_known, what="a word of the other")
+    assert answers[-1].success
