@@ -18,7 +18,7 @@ from sma_actuator.base.share import shared_file
 from sma_actuator.bench.real import PHYSICS, physics_name
 from sma_actuator.check import look_first
 from sma_actuator.config import BenchConfig, bench_from_mapping
-from sma_actuator.console import add_output_arguments, notes, questions, refuse_to_overwrite, results, write_json
+from sma_actuator.console import add_output_arguments, notes, questions, refuse_to_overwrite, results, typed, write_json
 from sma_actuator.console.asking import Asking, paused, read_answers
 from sma_actuator.logs.kinds import FOLLOWED, FULL, LEVELS, PARTIAL
 from sma_actuator.plant.materials import WIRES
@@ -311,12 +311,11 @@ def _largest_force_N(config: BenchConfig) -> float:
 def _say_what_is_next(args: argparse.Namespace, plan: Sequence[Part], console: Console) -> None:
     """Which command takes these logs, where it can."""
     done = {part.kind for part in plan}
-    logs = " ".join(f"{args.out}/{kind}_*.csv" for kind in (FULL, PARTIAL, LEVELS, FOLLOWED) if kind in done)
+    logs = " ".join(f"{typed(args.out)}/{kind}_*.csv" for kind in (FULL, PARTIAL, LEVELS, FOLLOWED) if kind in done)
     if logs:
         first_round = "FIRST_ROUND/*.csv " if args.follow else ""
-        console.print(
-            f"next: sma-actuator identify {first_round}{logs} --config {args.out / BENCH_FILE} --out my_wire.yaml"
-        )
+        bench = typed(args.out / BENCH_FILE)
+        console.print(f"next: sma-actuator identify {first_round}{logs} --config {bench} --out my_wire.yaml")
 
 
 def _effect(text: str) -> tuple[str, float]:

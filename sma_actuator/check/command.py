@@ -14,7 +14,7 @@ from sma_actuator.base.errors import UserError
 from sma_actuator.base.interrupts import noted_signals
 from sma_actuator.base.parameter_file import read_parameter_file
 from sma_actuator.config import BenchConfig, Config, config_from_mapping, require_sense_resistor
-from sma_actuator.console import add_output_arguments, notes, refuse_to_overwrite, results, say_next, write_json
+from sma_actuator.console import add_output_arguments, notes, refuse_to_overwrite, results, say_next, typed, write_json
 from sma_actuator.instruments import Clock, Daq, PowerSupply
 
 from .selftest import Found, Level, SelfTest, passed
@@ -43,7 +43,7 @@ def run(args) -> int:
         found = _test(config, *_instruments(config, args.virtual), lambda: bool(interrupts), notes(args), results(args))
         write_json(args, [dataclasses.asdict(each) | {"level": each.level.name.lower()} for each in found])
         interrupts.raise_noted()
-    again = f"sma-actuator check --config {args.config}"
+    again = f"sma-actuator check --config {typed(args.config)}"
     say_next(args, next_step(config, args.config) if passed(found) else f"mend that, then look again: {again}")
     return 0 if passed(found) else 1
 
@@ -82,11 +82,12 @@ def _test(
 
 def next_step(config: BenchConfig, path: Path) -> str:
     """What to do with a parameter file whose wiring is right."""
+    file = typed(path)
     if isinstance(config, Config):
-        return f"drive the wire: sma_actuator_node --ros-args --params-file {path}"
+        return f"drive the wire: sma_actuator_node --ros-args --params-file {file}"
     if not config.instruments.daq.lvdt_channel:  # which characterise needs
-        return f"identify a model from logs of the wire: sma-actuator identify LOG… --config {path} --out my_wire.yaml"
-    return f"measure the wire: sma-actuator characterise --config {path} --out out/wire"
+        return f"identify a model from logs of the wire: sma-actuator identify LOG… --config {file} --out my_wire.yaml"
+    return f"measure the wire: sma-actuator characterise --config {file} --out out/wire"
 
 
 def _instruments(config: BenchConfig, virtual: str | None) -> tuple[PowerSupply, Daq, Clock]:

@@ -15,6 +15,7 @@ from sma_actuator.console import (
     refuse_to_overwrite,
     results,
     say_next,
+    typed,
     write_csv,
     write_json,
 )
@@ -67,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
         text = one_map(found).as_text()
         write_atomically(args.write_map, lambda stream: stream.write(text.encode()))
         notes(args).print(
-            f"wrote {args.write_map}: give it to identify, replay or trace with --map-file {args.write_map}"
+            f"wrote {args.write_map}: give it to identify, replay or trace with --map-file {typed(args.write_map)}"
         )
     rows = [dataclasses.asdict(f) for f in findings]
     write_json(args, rows)
@@ -80,8 +81,8 @@ def run(args: argparse.Namespace) -> int:
 def _next(args: argparse.Namespace) -> str:
     """A model from logs that are fit."""
     length = "L" if math.isnan(args.length) else f"{args.length:g}"
-    mapped = f"--map-file {args.write_map}" if args.write_map else said_of_logs(args)
-    logs = " ".join([*(str(log) for log in args.logs), *([mapped] if mapped else [])])
+    mapped = f"--map-file {typed(args.write_map)}" if args.write_map else said_of_logs(args)
+    logs = " ".join([typed(*args.logs), *([mapped] if mapped else [])])
     return (
         f"sma-actuator identify {logs} --alloy ni-ti --length {length} --diameter D --out my_wire.yaml (L, D: 0.1 "
         f"or 100mm)"

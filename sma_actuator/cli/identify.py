@@ -32,6 +32,7 @@ from sma_actuator.console import (
     refuse_to_overwrite,
     results,
     say_next,
+    typed,
     write_csv,
     write_json,
 )
@@ -171,7 +172,7 @@ def run(args: argparse.Namespace) -> int:
             console.print(f"note: {note}")
     console.print(f"wrote {args.out} and {page}")
     complete = "instruments" in result.mapping
-    next_ = f"check --config {args.out}" if complete else f"init --start {args.out} --out node.yaml"
+    next_ = f"check --config {typed(args.out)}" if complete else f"init --start {typed(args.out)} --out node.yaml"
     say_next(args, f"{'' if complete else 'for a node: '}sma-actuator {next_}")
     return 0 if result.verdict.good_for_control else NOT_GOOD
 

@@ -32,6 +32,7 @@ from sma_actuator.console import (
     refuse_to_overwrite,
     results,
     say_next,
+    typed,
     write_json,
 )
 from sma_actuator.console.asking import Asking, read_answers
@@ -434,4 +435,5 @@ def _next(bench: BenchConfig, path: Path) -> str:
             require_calibrated(bench)
         except ConfigError as error:
             return f"before a node drives the wire: {error}"
-    return f"with the wire between its crimps and its load on it, check the wiring: sma-actuator check --config {path}"
+    check = f"sma-actuator check --config {typed(path)}"
+    return f"with the wire between its crimps and its load on it, check the wiring: {check}"

@@ -18,7 +18,7 @@ from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import Mode, Output, Tuned
 from sma_actuator.bench.real import physics_name
 from sma_actuator.config import Config, copy_tables, text_with
-from sma_actuator.console import add_output_arguments, notes, refuse_to_overwrite, results, say_next, write_json
+from sma_actuator.console import add_output_arguments, notes, refuse_to_overwrite, results, say_next, typed, write_json
 from sma_actuator.control.pid import PidParameters
 from sma_actuator.control.tuning import GAINS, words_of
 from sma_actuator.driver import Driver, DriverStopped
@@ -86,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
     )
     write_json(args, dataclasses.asdict(found))
     if not args.running:
-        say_next(args, f"sma_actuator_node --ros-args --params-file {out}")
+        say_next(args, f"sma_actuator_node --ros-args --params-file {typed(out)}")
     return 0
 
 

@@ -12,6 +12,7 @@ import csv
 import io
 import json
 import math
+import shlex
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -33,6 +34,7 @@ __all__ = [
     "refuse_to_overwrite",
     "results",
     "say_next",
+    "typed",
     "write_csv",
     "write_json",
 ]
@@ -68,6 +70,11 @@ def headed(word: str, sentence: str) -> Text:
 def say_next(args: argparse.Namespace, words: str) -> None:
     """What to do with what a command has brought: its last note."""
     notes(args).print(f"next: {words}")
+
+
+def typed(*paths: Path | str) -> str:
+    """The paths as they are typed in a shell, whatever their names hold."""
+    return shlex.join(map(str, paths))
 
 
 def questions() -> Console:

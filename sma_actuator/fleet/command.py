@@ -16,6 +16,7 @@ from sma_actuator.console import (
     refuse_to_overwrite,
     results,
     say_next,
+    typed,
     write_csv,
     write_json,
 )
@@ -57,8 +58,8 @@ def run(args: argparse.Namespace) -> int:
     first = next((s.rows[-1]["log"] for s in found if s.drifts), "")
     say_next(
         args,
-        f"do what the table says, or see it for one wire: sma-actuator trace {first} --config ITS_MODEL.yaml --out "
-        f"out/traced"
+        f"do what the table says, or see it for one wire: sma-actuator trace {typed(first)} --config "
+        f"ITS_MODEL.yaml --out out/traced"
         if first
         else "nothing; the same table with the next logs (--table of replay or trace)",
     )

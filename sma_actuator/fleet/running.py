@@ -27,7 +27,7 @@ from rich.table import Table
 from sma_actuator.base.errors import UserError
 from sma_actuator.base.one_thread import one_thread
 from sma_actuator.base.parameter_file import files_beside
-from sma_actuator.console import notes, progress_bar, refuse_to_overwrite, results, say_next, write_json
+from sma_actuator.console import notes, progress_bar, refuse_to_overwrite, results, say_next, typed, write_json
 from sma_actuator.logs.files import write_atomically
 
 from .places import Fetched, Place, fetch, fetch_beside, find, text_of
@@ -119,7 +119,7 @@ def run_fleet(
     console.print(
         f"{len(rows)} rows appended to {args.table}; {len(found) - len(rows) - len(unread)} were there already"
     )
-    say_next(args, f"which wires drift: sma-actuator fleet {args.table} --report fleet.html")
+    say_next(args, f"which wires drift: sma-actuator fleet {typed(args.table)} --report fleet.html")
     return 1 if unread else 0
 
 

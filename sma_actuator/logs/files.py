@@ -21,6 +21,8 @@ def write_atomically(path: str | Path, write: Callable[[Any], Any]) -> None:
             os.fsync(stream.fileno())
         Path(temporary).chmod(0o644)  # mkstemp gives 0600
         Path(temporary).replace(path)
-    except BaseException:
+    except BaseException as error:
         Path(temporary).unlink(missing_ok=True)
+        if isinstance(error, OSError) and error.filename is None:  # as of a full disk, in whose sentence none stands
+            error.filename = str(path)
         raise

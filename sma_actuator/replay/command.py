@@ -21,6 +21,7 @@ from sma_actuator.console import (
     refuse_to_overwrite,
     results,
     say_next,
+    typed,
     write_csv,
     write_json,
 )
@@ -111,12 +112,12 @@ def run(args: argparse.Namespace) -> int:
 def _next(args: argparse.Namespace, replays: Sequence[Replay], config: Config) -> str:
     """What the verdict on the first model asks for."""
     word, said = verdict(replays, config)
-    logs, file = " ".join(str(log) for log in args.logs), args.config[0]
+    logs, file = typed(*args.logs), typed(args.config[0])
     if word == "changed":
         return f"{said} sma-actuator trace {logs} --config {file} --out out/traced"
     if word == "not judged":
         return said
-    complete = "instruments" in read_parameter_file(file)
+    complete = "instruments" in read_parameter_file(args.config[0])
     node = f"sma_actuator_node --ros-args --params-file {file}" if complete else f"sma-actuator init --start {file}"
     return f"{said} Drive with it: {node}"
 

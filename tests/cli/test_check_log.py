@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import re
+import shlex
 
 import numpy as np
 import pytest
@@ -32,12 +33,14 @@ def lacking(logs, length_m=0.1):
 
 def test_logs_of_a_whole_calibration_are_fit(logs, tmp_path, capsys):
     assert lacking(logs) == []
+    folder = tmp_path / "Müller's wire 7"  # the next command is typed as it is said
     for log in logs:
-        write_bench_log(tmp_path / log.name, log)
+        write_bench_log(folder / log.name, log)
     found = tmp_path / "found.json"
-    assert main(["check-log", str(tmp_path), "--length", "0.1", "--json", str(found)]) == 0
-    said = capsys.readouterr().out
+    assert main(["check-log", str(folder), "--length", "0.1", "--json", str(found)]) == 0
+    said, told = capsys.readouterr()
     assert "These logs are fit" in said
+    assert shlex.split(told.splitlines()[-1])[:4] == ["next:", "sma-actuator", "identify", str(folder)]
     assert all(row["met"] for row in json.loads(found.read_text()) if row["needed"])
 
 

@@ -1,6 +1,8 @@
 """Bench logs: what is written is read again, and what cannot be is refused by name and line."""
 
 import dataclasses
+import errno
+import os
 
 import numpy as np
 import pytest
@@ -192,6 +194,14 @@ def test_an_interrupted_write_leaves_the_old_file_and_no_other(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         write_atomically(path, fail)
     assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
+
+
+def test_a_disk_that_is_full_is_said_of_the_file_that_was_wanted(tmp_path):
+    def fail(stream):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with pytest.raises(OSError, match="No space left on device: '.*a.csv'"):
+        write_atomically(tmp_path / "a.csv", fail)
 
 
 def test_the_source_stays_with_a_slice(file):

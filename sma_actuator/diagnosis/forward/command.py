@@ -21,6 +21,7 @@ from sma_actuator.console import (
     refuse_to_overwrite,
     results,
     say_next,
+    typed,
     write_json,
 )
 from sma_actuator.fleet import Finding, add_fleet_arguments, cluster, run_fleet
@@ -112,7 +113,7 @@ def run(args: argparse.Namespace) -> int:
     say_next(
         args,
         f"look at {args.out / 'report.html'}; to judge new runs by this wire: sma-actuator forward "
-        f"{' '.join(str(run) for run in args.runs)} --wire {args.out / 'forward.yaml'} --judge NEW.csv --out DIR",
+        f"{typed(*args.runs)} --wire {typed(args.out / 'forward.yaml')} --judge NEW.csv --out DIR",
     )
     return 0
 
