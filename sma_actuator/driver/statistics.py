@@ -101,8 +101,18 @@ class Deadlines:
             late_answers,
             slowest_answer_s,
             float(periods_s.mean()),
-            float(np.quantile(periods_s, 0.99)),
+            _p99(periods_s),
             float(periods_s.max()),
             float(busy_s.mean()),
             float(busy_s.max()),
         )
+
+
+def _p99(values: np.ndarray) -> float:
+    """Their 99th percentile, on a straight line between its neighbours: that of ``np.quantile``, which takes ten times
+    as long."""
+    place = 0.99 * (len(values) - 1)
+    below, above = math.floor(place), math.ceil(place)
+    in_order = np.partition(values, (below, above))
+    low, high = float(in_order[below]), float(in_order[above])
+    return low + (place - below) * (high - low)
