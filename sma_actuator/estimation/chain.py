@@ -20,14 +20,14 @@ from typing import Any, Protocol, cast
 
 import numpy as np
 
-from sma_actuator.base.jit import jit
+from sma_actuator.base.jit import Floats, jit
 from sma_actuator.base.signals import Branch, Estimate, Quality, Signals
 
-from .branch import BranchDetector, EstimatorParameters
+from .branch import BranchDetector, EstimatorParameters, is_heating
 from .circuit import CircuitSections
 from .effects import Effect, Effects, in_order
 from .effects.frame import Frame, Place
-from .hot_end import HotEnd, HotEndSections
+from .hot_end import HotEnd, HotEndSections, is_contracted
 from .models import Coefficients, StrainModel, ThermalStrainModel
 
 #: The event that says in a log: here the chain forgot where on its loop the wire was.
@@ -171,6 +171,42 @@ def _quality_all(
         quality[i] = _quality(displacement[i], stress[i], contracted[i], bounds)
 
 
+@jit
+def _seen(
+    time: float,
+    resistance: float,
+    stress: float,
+    power: float,
+    heat: float,
+    ambient: float,
+    decision: int,
+    branch: np.ndarray,
+    numbers: np.ndarray,
+    asks_hot_end: bool,
+    row: Floats,
+    hot_end: np.ndarray,
+    line: np.ndarray,
+) -> tuple[bool, bool]:
+    """What a sample shows before the strain model sees it: whether the wire is heating, and contracted as far as it
+    goes.  In one call, as :func:`_told`: what has rested since the last sample is slow to be found again."""
+    heating = is_heating(decision, time, resistance, power, branch, numbers)
+    return heating, asks_hot_end and is_contracted(row, stress, time, resistance, heat, ambient, hot_end, line)
+
+
+@jit
+def _told(
+    time: float,
+    displacement: float,
+    stress: float,
+    contracted: bool,
+    state: np.ndarray,
+    time_constant: float,
+    bounds: np.ndarray,
+) -> tuple[float, int]:
+    """What goes with a displacement: velocity and quality."""
+    return _velocity(time, displacement, state, time_constant), _quality(displacement, stress, contracted, bounds)
+
+
 class Chain:
     """The chain of one wire; remembers its past.
 
@@ -276,6 +312,12 @@ class Chain:
         self._hot_end.update(config)
         self._usual_C, self._tolerance_K = config.thermal.ambient_temperature, config.thermal.ambient_tolerance
         self._place = place_of(config)
+        branch, hot_end = self._branch, self._hot_end
+        self._seen_by = (
+            *(branch.decision, branch.state, branch.numbers),
+            *(self._asks_hot_end, hot_end.row, hot_end.state, hot_end.line),
+        )
+        self._told_by = self._velocity_state, self._velocity_time_constant_s, self._bounds
 
     # --- one sample ---------------------------------------------------------------------------------
 
@@ -297,27 +339,22 @@ class Chain:
         if not self._started:
             self._start(signals.time_s, resistance_Ohm, stress_Pa, power_W)
         self._undriven = False
-        heating = self._branch.step(signals.time_s, resistance_Ohm, power_W)
+        time_s, ambient_C = signals.time_s, signals.ambient_temperature_C
+        heating, contracted = _seen(time_s, resistance_Ohm, stress_Pa, power_W, heat_W, ambient_C, *self._seen_by)
         displacement_m, uncertainty_m, seen = self._observe(signals, resistance_Ohm, heating, heat_W)
-        hot_end = self._hot_end
-        contracted = self._asks_hot_end and hot_end.step(
-            signals.time_s, resistance_Ohm, stress_Pa, heat_W, signals.ambient_temperature_C
-        )
         if contracted:
-            displacement_m = min(displacement_m, float(hot_end.displacement_m(stress_Pa)))
+            displacement_m = min(displacement_m, float(self._hot_end.displacement_m(stress_Pa)))
         if frame is not None:
             frame.heating, frame.displacement_m = np.array([heating]), np.array([displacement_m])
             displacement_m = float(self._act(self._at_displacement, frame).displacement_m[0])
-        velocity_m_s = _velocity(signals.time_s, displacement_m, self._velocity_state, self._velocity_time_constant_s)
+        velocity_m_s, quality = _told(time_s, displacement_m, stress_Pa, contracted, *self._told_by)
         self._last = Estimate(
-            signals.time_s,
+            time_s,
             displacement_m,
             displacement_m / self._length_m,
             velocity_m_s,
             Branch.HEATING if heating else Branch.COOLING,
-            _QUALITIES[_quality(displacement_m, stress_Pa, contracted, self._bounds)]
-            if seen
-            else Quality.OUTSIDE_CALIBRATION,
+            _QUALITIES[quality] if seen else Quality.OUTSIDE_CALIBRATION,
             uncertainty_m,
         )
         return signals, self._last

@@ -38,7 +38,7 @@ def _contracted(
 ) -> bool:
     """``contracted``: resistance of the contracted wire at this stress, where it was calibrated; ``state`` = [time,
     temperature above ambient, contracted]; ``line`` = [heat loss, time constant, slope, its temperature, enter,
-    leave]."""
+    leave, usual ambient, its tolerance]."""
     step = max(time - state[0], 0.0) if state[0] == state[0] else 0.0
     settled = power / line[0]
     if state[0] != state[0]:
@@ -51,7 +51,7 @@ def _contracted(
 
 
 @jit
-def _is_contracted(
+def is_contracted(
     row: Floats,
     stress: float,
     time: float,
@@ -61,7 +61,10 @@ def _is_contracted(
     state: np.ndarray,
     line: np.ndarray,
 ) -> bool:
-    """The same at a stress."""
+    """The same at a stress, in surroundings that are believed where they are about usual; ``row``, ``state`` and
+    ``line`` are those of a :class:`HotEnd`."""
+    if isnan(ambient) or abs(ambient - line[6]) > line[7]:
+        ambient = line[6]
     return _contracted(time, resistance, looked_up(row, 0, stress), power, ambient, state, line)
 
 
@@ -103,8 +106,8 @@ class HotEnd:
         self.known = config.calibration.hot_end_known
         self._stress_Pa, self._resistance_Ohm = hot_end.contracted_stress, hot_end.contracted_resistance
         self._displacement_m = hot_end.contracted_displacement
-        self._row = row_of((self._stress_Pa, self._resistance_Ohm))
-        self._state = np.zeros(3)
+        self.row = row_of((self._stress_Pa, self._resistance_Ohm))
+        self.state = np.zeros(3)
         self.update(config)
         self.reset()
 
@@ -112,7 +115,7 @@ class HotEnd:
         """Take over live parameters; the memory stays."""
         calibration, thermal = config.calibration, config.thermal
         self._usual_C, self._tolerance_K = thermal.ambient_temperature, thermal.ambient_tolerance
-        self._line = np.array(
+        self.line = np.array(
             [
                 thermal.heat_loss,
                 thermal.heat_capacity / thermal.heat_loss,
@@ -120,12 +123,14 @@ class HotEnd:
                 calibration.hot_end.contracted_temperature,
                 ENTER * calibration.resistance_range,
                 LEAVE * calibration.resistance_range,
+                thermal.ambient_temperature,
+                thermal.ambient_tolerance,
             ]
         )
 
     def reset(self) -> None:
         """Forget the past: the next sample is taken for one in thermal balance."""
-        self._state[:] = nan, 0.0, 0.0
+        self.state[:] = nan, 0.0, 0.0
 
     def displacement_m(self, stress_Pa: float | np.ndarray) -> float | np.ndarray:
         """Where a wire is that is contracted as far as it goes."""
@@ -134,10 +139,8 @@ class HotEnd:
 
     def step(self, time_s: float, resistance_Ohm: float, stress_Pa: float, power_W: float, ambient_C: float) -> bool:
         """Whether one sample is that of a contracted wire."""
-        if isnan(ambient_C) or abs(ambient_C - self._usual_C) > self._tolerance_K:
-            ambient_C = self._usual_C
         return bool(
-            _is_contracted(self._row, stress_Pa, time_s, resistance_Ohm, power_W, ambient_C, self._state, self._line)
+            is_contracted(self.row, stress_Pa, time_s, resistance_Ohm, power_W, ambient_C, self.state, self.line)
         )
 
     def run(
@@ -157,8 +160,8 @@ class HotEnd:
             np.interp(stress_Pa, self._stress_Pa, self._resistance_Ohm),
             power_W,
             np.where(doubtful, self._usual_C, ambient_C),
-            self._state,
-            self._line,
+            self.state,
+            self.line,
             contracted,
         )
         return contracted

@@ -35,22 +35,20 @@ class OtherLoad:
     """Of one wire; nothing where its calibration does not say where it ends."""
 
     def __init__(self, calibration: Calibration):
-        self._state = floats(6)
-        self._state[_STRESS_Pa] = nan
-        self._row: Floats | None = None
-        if calibration.ends_known:
-            self._row = row_of(*calibration.ends)
+        self.state = floats(6)
+        self.state[_STRESS_Pa] = nan
+        self.row = row_of(*calibration.ends) if calibration.ends_known else floats(0)
 
     def step(self, time_s: float, stress_Pa: float, displacement_m: float) -> float:
         """How much more the estimate of a sample may be off [m]."""
-        if self._row is None:
-            return 0.0
-        return _apart_m(self._row, self._state, time_s, stress_Pa, displacement_m)
+        return apart_m(self.row, self.state, time_s, stress_Pa, displacement_m)
 
 
 @jit
-def _apart_m(row: Floats, state: Floats, time_s: float, stress_Pa: float, displacement_m: float) -> float:
-    """See :meth:`OtherLoad.step`."""
+def apart_m(row: Floats, state: Floats, time_s: float, stress_Pa: float, displacement_m: float) -> float:
+    """See :meth:`OtherLoad.step`, whose are ``row`` and ``state``."""
+    if not len(row):
+        return 0.0
     dt_s = time_s - state[_TIME_s]
     state[_TIME_s] = time_s
     if state[_STRESS_Pa] != state[_STRESS_Pa]:  # NaN: nothing is known of before
@@ -71,12 +69,12 @@ def _apart_m(row: Floats, state: Floats, time_s: float, stress_Pa: float, displa
             state[_LIGHTEST_Pa] = min(state[_LIGHTEST_Pa], now_Pa)
             longer_m = looked_up(row, _LONG, state[_HEAVIEST_Pa]) - long_m
             shorter_m = long_m - looked_up(row, _LONG, state[_LIGHTEST_Pa])
-            apart_m = max(
+            ends_apart_m = max(
                 longer_m if state[_HEAVIEST_Pa] > OTHER * now_Pa else 0.0,
                 shorter_m if now_Pa > OTHER * state[_LIGHTEST_Pa] else 0.0,
             )
-            if apart_m > MORE * state[_APART_m]:
+            if ends_apart_m > MORE * state[_APART_m]:
                 state[_LEFT] = 1.0
-            if state[_LEFT] == 1.0 or apart_m < state[_APART_m]:
-                state[_APART_m] = apart_m
+            if state[_LEFT] == 1.0 or ends_apart_m < state[_APART_m]:
+                state[_APART_m] = ends_apart_m
     return UNSEEN * state[_LEFT] * state[_APART_m]

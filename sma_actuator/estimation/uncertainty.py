@@ -21,7 +21,7 @@ from sma_actuator.base.lookup import places_below, row_of, values_of
 from sma_actuator.base.signals import Estimate, Quality, Signals
 
 from .models import StrainModel, ThermalStrainModel
-from .other_load import OtherLoad
+from .other_load import OtherLoad, apart_m
 
 #: Motion, as a share of the working range, after which a third is left of what was not known at the beginning.
 FORGOTTEN_SHARE = 0.15
@@ -39,7 +39,7 @@ class Uncertainty:
         #: None where the model says it by itself.
         self._model = None if isinstance(model, ThermalStrainModel) else model
         follows = isinstance(model, ThermalStrainModel) and model.follows_loads
-        self._other_load = None if follows else OtherLoad(calibration)
+        self._other_load = OtherLoad(Calibration() if follows else calibration)
         low_m, high_m = model.displacement_range_m
         self._forgotten_m = FORGOTTEN_SHARE * (high_m - low_m)
         self._state = floats(2)
@@ -68,26 +68,25 @@ class Uncertainty:
         if estimate.quality is Quality.INVALID:
             self._state[_BEFORE_m] = nan
             return nan
-        besides_m = self._since_then_m
-        if self._other_load is not None:
-            besides_m += self._other_load.step(signals.time_s, signals.stress_Pa, estimate.displacement_m)
+        place_m, stress_Pa, other = estimate.displacement_m, signals.stress_Pa, self._other_load
         if self._model is None or not len(self._tables):
-            return estimate.uncertainty_m + besides_m
-        heating_m, cooling_m = self._model.limits_m(signals.resistance_Ohm, signals.stress_Pa)
-        usual_m = hypot(
-            *_parts_m(
-                self._state,
-                self._tables,
-                self._between_Pa,
-                estimate.displacement_m,
-                signals.stress_Pa,
-                int(estimate.branch),
-                heating_m,
-                cooling_m,
-                self._forgotten_m,
-            )
+            return estimate.uncertainty_m + (self._since_then_m + other.step(signals.time_s, stress_Pa, place_m))
+        heating_m, cooling_m = self._model.limits_m(signals.resistance_Ohm, stress_Pa)
+        left_m, began_m, loaded_m = _parts_m(
+            self._state,
+            self._tables,
+            self._between_Pa,
+            place_m,
+            stress_Pa,
+            int(estimate.branch),
+            heating_m,
+            cooling_m,
+            self._forgotten_m,
+            signals.time_s,
+            other.row,
+            other.state,
         )
-        return usual_m + besides_m
+        return hypot(left_m, began_m) + (self._since_then_m + loaded_m)
 
 
 @jit
@@ -101,9 +100,12 @@ def _parts_m(
     heating_m: float,
     cooling_m: float,
     forgotten_m: float,
-) -> tuple[float, float]:
-    """What the model leaves at a position, and what is not known of where on its loop the wire is, whose branches are
-    at ``heating_m`` and ``cooling_m``."""
+    time_s: float,
+    loads: Floats,
+    loaded: Floats,
+) -> tuple[float, float, float]:
+    """What the model leaves at a position; what is not known of where on its loop the wire is, whose branches are at
+    ``heating_m`` and ``cooling_m``; and what another load may have left, by row and state of :class:`OtherLoad`."""
     if isfinite(state[_BEFORE_m]):
         state[_SHARE] *= exp(-abs(position_m - state[_BEFORE_m]) / forgotten_m)
     else:
@@ -115,7 +117,8 @@ def _parts_m(
     while nearest < stresses - 1 and between_Pa[nearest] < stress_Pa:
         nearest += 1
     mean_m = abs(_left_m(tables, first + nearest, position_m))
-    return mean_m + 2.0 * _left_m(tables, first + stresses, position_m), state[_SHARE] * width_m
+    left_m = mean_m + 2.0 * _left_m(tables, first + stresses, position_m)
+    return left_m, state[_SHARE] * width_m, apart_m(loads, loaded, time_s, stress_Pa, position_m)
 
 
 @jit

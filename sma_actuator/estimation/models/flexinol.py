@@ -124,33 +124,6 @@ def advance(
     resistance: float,
     stress: float,
     heating: bool,
-    previous_resistance: float,
-    displacement: float,
-    a_h: np.ndarray,
-    b_h: np.ndarray,
-    a_c: np.ndarray,
-    b_c: np.ndarray,
-    a_0: float,
-    tau: float,
-    slack: float,
-) -> float:
-    """δ after the resistance moved from ``previous_resistance`` to ``resistance`` on one branch, at one stress."""
-    slope_h, intercept_h = _polynomial(a_h, stress), _polynomial(b_h, stress)
-    slope_c, intercept_c = _polynomial(a_c, stress), _polynomial(b_c, stress)
-    if heating:
-        a, b = slope_h, intercept_h
-    else:
-        a, b = slope_c, intercept_c
-    displacement = _along_branch(resistance, heating, previous_resistance, displacement, a, b, a_0, tau)
-    on_h, on_c = slope_h * resistance + intercept_h, slope_c * resistance + intercept_c
-    return min(max(displacement, min(on_h, on_c) - slack), max(on_h, on_c) + slack)
-
-
-@jit
-def _advanced(
-    resistance: float,
-    stress: float,
-    heating: bool,
     state: np.ndarray,
     a_h: np.ndarray,
     b_h: np.ndarray,
@@ -160,9 +133,18 @@ def _advanced(
     tau: float,
     slack: float,
 ) -> float:
-    """The same of one sample; ``state`` = [previous resistance, displacement] is carried on."""
-    state[1] = advance(resistance, stress, heating, state[0], state[1], a_h, b_h, a_c, b_c, a_0, tau, slack)
+    """δ after the resistance moved to ``resistance`` on one branch, at one stress; ``state`` = [previous resistance,
+    displacement] is carried on."""
+    slope_h, intercept_h = _polynomial(a_h, stress), _polynomial(b_h, stress)
+    slope_c, intercept_c = _polynomial(a_c, stress), _polynomial(b_c, stress)
+    if heating:
+        a, b = slope_h, intercept_h
+    else:
+        a, b = slope_c, intercept_c
+    displacement = _along_branch(resistance, heating, state[0], state[1], a, b, a_0, tau)
+    on_h, on_c = slope_h * resistance + intercept_h, slope_c * resistance + intercept_c
     state[0] = resistance
+    state[1] = min(max(displacement, min(on_h, on_c) - slack), max(on_h, on_c) + slack)
     return state[1]
 
 
@@ -192,13 +174,9 @@ def advance_all(
     slack: float,
     displacement: np.ndarray,
 ) -> None:
-    """``advance`` over arrays; ``state`` = [previous resistance, displacement] is carried on."""
-    previous, delta = state[0], state[1]
+    """``advance`` over arrays."""
     for i in range(len(resistance)):
-        delta = advance(resistance[i], stress[i], heating[i], previous, delta, a_h, b_h, a_c, b_c, a_0, tau, slack)
-        previous = resistance[i]
-        displacement[i] = delta
-    state[0], state[1] = previous, delta
+        displacement[i] = advance(resistance[i], stress[i], heating[i], state, a_h, b_h, a_c, b_c, a_0, tau, slack)
 
 
 class FlexinolModel:
@@ -233,7 +211,7 @@ class FlexinolModel:
 
     def step(self, resistance_Ohm: float, stress_Pa: float, heating: bool) -> float:
         """Advance by one sample; return δ [m]."""
-        return float(_advanced(resistance_Ohm, stress_Pa, heating, self._state, *self._coefficients))
+        return float(advance(resistance_Ohm, stress_Pa, heating, self._state, *self._coefficients))
 
     def run(self, resistance_Ohm: np.ndarray, stress_Pa: np.ndarray, heating: np.ndarray) -> np.ndarray:
         """Advance by n samples, arrays of shape (n,); return δ [m], shape (n,)."""
