@@ -147,7 +147,7 @@ def _pieces(inside: bool) -> dict[str, dict[str, float]]:
             (following, "sense", "heat of the law, stress"),
             (actuator._health, "step", "health of the model"),
         ]
-        supervisor._looking = [(one, timed(one.name, look)) for one, look in supervisor._looking]
+        supervisor._looks = [timed(one.name, one.look) for one in supervisor._guards]
     else:
         parts = [
             (actuator, "_sense", "signals and estimate"),

@@ -269,6 +269,7 @@ class Actuator:
 
         driven = self._commanding.is_driven
         settled = driven and supervisor.settled(now_s)
+        longer_m = self._chain.longer_m
         faults = supervisor.inspect(
             Step(
                 config,
@@ -285,13 +286,13 @@ class Actuator:
                 self._told,
                 supervisor.heat,
                 waited,
-                self._chain.longer_m,
+                longer_m,
             )
         )
         late = self._late(raw, supply)  # the bias current flows, of which the law must not learn
         supervisor.watch_stress(self._signals.stress_Pa, self._estimate.displacement_m, self._told.current_A)
         self._limit_A = supervisor.limit_A()
-        self._following.find_the_ends(self._chain.longer_m)
+        self._following.find_the_ends(longer_m)
         limits: set[Limit] = set()
         setpoint_m = nan
         wanted_A = config.supply.bias_current

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from math import nan
 
 from sma_actuator.base.signals import Branch, Estimate, Mode, Quality, Signals, Status
@@ -95,6 +96,13 @@ class Said:
         return changes
 
 
+@cache  # no more than there are sets of a dozen limits; those of one step are those of the next
+def _in_order(limits: frozenset[Limit]) -> tuple[tuple[Limit, ...], tuple[str, ...]]:
+    """They and their names, in the order in which limits are named."""
+    shown = tuple(limit for limit in LIMITS.values() if limit in limits)
+    return shown, tuple(limit.name for limit in shown)
+
+
 def status_of(
     faults: dict[Fault, str],
     limits: set[Limit],
@@ -118,7 +126,7 @@ def status_of(
     elif faults:
         fault = gravest(faults)
         words = f"{words}: {fault.words} ({faults[fault]})"
-    shown = [limit for limit in LIMITS.values() if limit in limits] if limits else []
+    shown, names = _in_order(frozenset(limits))
     if fault is None and shown:
         said = [
             f"{limit.words} {following.end_in_words}" if limit is SETPOINT_RANGE else limit.words for limit in shown
@@ -131,7 +139,7 @@ def status_of(
     return Status(
         mode=mode,
         fault=fault.name if fault is not None else "",
-        limits=tuple([limit.name for limit in shown]) if shown else (),
+        limits=names,
         message=words,
         values={
             "displacement_m": estimate.displacement_m if known else nan,

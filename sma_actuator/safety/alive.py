@@ -209,6 +209,6 @@ class LoadAlive:
         before, self._contradicted = self._contradicted, contradicted
         if self.following.changed and not before:
             self._is_suspect = True
-        elif isfinite(self.following.stiffness_N_m):
+        elif self._is_suspect and isfinite(self.following.stiffness_N_m):
             self._is_suspect = False
         return self._is_suspect

@@ -141,8 +141,7 @@ class Memory:
     currents: CurrentsApart = field(default_factory=CurrentsApart)
     voltages: VoltagesApart = field(default_factory=VoltagesApart)
     told_A: Lately = field(default_factory=Lately)  #: what the supply was told
-    supply_A: Lately = field(default_factory=Lately)  #: what it measures
-    supply_V: Lately = field(default_factory=Lately)
+    supply_A_V: Lately = field(default_factory=Lately)  #: current and voltage that it measures
     since_s: dict[str, float] = field(default_factory=dict)  #: since when a condition holds
     count: dict[str, int] = field(default_factory=dict)  #: how many times running
     owed: dict[str, float] = field(default_factory=dict)  #: leaky counts
@@ -153,6 +152,12 @@ class Memory:
             self.since_s.pop(name, None)
             return -inf
         return now_s - self.since_s.setdefault(name, now_s)
+
+    def over(self, *names: str) -> None:
+        """Conditions hold no more, or still do not."""
+        if self.since_s:
+            for name in names:
+                self.since_s.pop(name, None)
 
     def running(self, name: str, holds: bool) -> int:
         """How many steps running a condition has held."""
@@ -218,11 +223,11 @@ class Step:
     heat: WireHeat
     waited: Waited = NOT_WAITED  #: since the step before
     longer_m: float = 0.0  #: of the estimate: what is no transformation, but a load that hung on the wire before
+    contradicted_m: float | None = None  #: what two guards ask for, once one of them has
+    is_timely: bool = field(init=False)  #: it comes no later than readings may be old, by a clock that runs forward
 
-    @property
-    def is_timely(self) -> bool:
-        """Whether it comes no later than readings may be old, by a clock that runs forward."""
-        return 0.0 <= self.dt_s <= self.config.safety.reading_timeout
+    def __post_init__(self) -> None:
+        self.is_timely = 0.0 <= self.dt_s <= self.config.safety.reading_timeout
 
     def gives_no_number(self, value: float, channel: str) -> str:
         """That a sensor which the parameters name gives none in this reading, in words, or ""."""

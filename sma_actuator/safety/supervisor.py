@@ -40,15 +40,16 @@ class Supervisor:
     """Watches one wire; latches faults; passes, lowers or cuts the command."""
 
     def __init__(self, config: SafetySections):
+        self.heat = WireHeat(config.thermal)
+        self._resistance_Ohm = inf  #: of wire and leads, as measured; so much until it is
         self.update(config)
         self.latched: Fault | None = None
         self.detail = ""  #: of the latched fault
         self.present: dict[Fault, str] = {}  #: of the last step, also those that only prevent enabling
-        self.heat = WireHeat(config.thermal)
-        self._resistance_Ohm = inf  #: of wire and leads, as measured; so much until it is
         self.memory = Memory()  #: of the guards
-        #: Those that look at every step, the gravest first, and how.
-        self._looking = [(one, one.look) for one in FAULTS.values() if isinstance(one, Guard) and one.each_step]
+        #: Those that look at every step, the gravest first.
+        self._guards = [one for one in FAULTS.values() if isinstance(one, Guard) and one.each_step]
+        self._looks = [one.look for one in self._guards]
         self.enabled(nan)  # never yet
 
     def update(self, config: SafetySections) -> None:
@@ -58,8 +59,9 @@ class Supervisor:
             most_contracted_Ohm(config.calibration.hot_end, each_C)
             for each_C in (config.thermal.max_temperature, config.thermal.transformed_temperature)
         )
-        self._transforms = Transforms(config.calibration, config.thermal)
+        self.heat.transforms = Transforms(config.calibration, config.thermal)
         self._unwatched_s = unwatched_s(config)
+        self._heat_leaves_A = self._derated_A()
 
     def enabled(self, now_s: float) -> None:
         """The output is about to go on."""
@@ -104,7 +106,6 @@ class Supervisor:
         if power_W > 0.0 and current_A > 0.0:
             self._resistance_Ohm = power_W / current_A**2
         thermal, wire_W = self.config.thermal, current_A**2 * resistance_Ohm
-        transforms_C = self._transforms.at_C(resistance_Ohm, load_N / self.config.wire.area_m2)
         self.heat.step(
             power_W,
             dt_s,
@@ -115,8 +116,9 @@ class Supervisor:
             self._contracted_Ohm,
             self._just_contracted_Ohm,
             wire_W,
-            transforms_C,
+            load_N / self.config.wire.area_m2,
         )
+        self._heat_leaves_A = self._derated_A()
 
     def inspect(self, step: Step, but: Collection[str] = ()) -> dict[Fault, str]:
         """The faults of this step and why, but for those of these names; those that latch are latched.
@@ -125,10 +127,14 @@ class Supervisor:
         """
         if step.reading is not None and step.driven:
             self._good_readings += 1
-        looking = [each for each in self._looking if each[0].name not in but] if but else self._looking
-        self.present = {guard: detail for guard, look in looking if (detail := look(step))}
-        if not self.present:
-            return {}
+        if but:
+            self.present = {one: why for one in self._guards if one.name not in but and (why := one.look(step))}
+        else:
+            details = [look(step) for look in self._looks]
+            if not any(details):  # as in almost every step
+                self.present = {}
+                return {}
+            self.present = {one: why for one, why in zip(self._guards, details, strict=True) if why}
         found = {f: d for f, d in self.present.items() if step.driven or f.while_off or not f.latches}
         for fault, detail in found.items():  # in the order of FAULTS: the gravest first
             if fault.latches:
@@ -163,7 +169,7 @@ class Supervisor:
 
     def limit_A(self) -> float:
         """Highest current that temperature and stress leave [A], from the bias to ``supply.max_current``."""
-        return min(self._derated_A(), self._stress_cap_A)
+        return min(self._heat_leaves_A, self._stress_cap_A)
 
     def most_rise_K(self) -> float:
         """How far above its surroundings the wire can be held for long, by the parameters' heat balance [K]."""
@@ -193,7 +199,7 @@ class Supervisor:
         if invalid:
             self.latch(command_invalid, invalid)
             return _OFF, limits
-        max_A, derated_A = self.config.supply.max_current, self._derated_A()
+        max_A, derated_A = self.config.supply.max_current, self._heat_leaves_A
         limit_A = min(derated_A, self._stress_cap_A)
         if late:
             limits.add(ANSWER_LATE)

@@ -276,11 +276,11 @@ class Transforms:
 
     def __init__(self, calibration: Calibration, parameters: ThermalParameters):
         hot_end, rest, power = calibration.hot_end, calibration.rest, calibration.power
-        self._then_C = calibration.usual_ambient_C(parameters.ambient_temperature)
-        self._row: Floats | None = None  #: nobody knows
+        self.then_C = calibration.usual_ambient_C(parameters.ambient_temperature)
+        self.row, self.shift_K_Pa = floats(0), nan  #: nobody knows
         if calibration.transformation_known and hot_end.contracted_resistance and rest.cold_resistance:
-            self._shift_K_Pa = power.transformation_shift[1]
-            self._row = row_of(
+            self.shift_K_Pa = power.transformation_shift[1]
+            self.row = row_of(
                 (hot_end.contracted_stress, hot_end.contracted_resistance),
                 (rest.cold_stress, rest.cold_resistance),
                 power.heating,
@@ -288,14 +288,14 @@ class Transforms:
 
     def at_C(self, resistance_Ohm: float, stress_Pa: float) -> float:
         """That temperature [°C] at a stress; ∞ where nobody knows."""
-        if self._row is None:
-            return math.inf
-        return _transforms_at_C(self._row, resistance_Ohm, stress_Pa, self._shift_K_Pa, self._then_C)
+        return _transforms_at_C(self.row, resistance_Ohm, stress_Pa, self.shift_K_Pa, self.then_C)
 
 
 @jit
 def _transforms_at_C(row: Floats, resistance_Ohm: float, stress_Pa: float, shift_K_Pa: float, then_C: float) -> float:
     """See :meth:`Transforms.at_C`."""
+    if not len(row):
+        return inf
     _, by_balance_C = share_and_heating_C(row, resistance_Ohm, stress_Pa, shift_K_Pa)
     highest_C = then_C + CAPACITY_WITHIN * (by_balance_C - then_C)
     return highest_C if isfinite(highest_C) else inf
@@ -371,7 +371,10 @@ def _heat_step(
     contracted_Ohm: float,
     just_contracted_Ohm: float,
     wire_W: float,
-    transforms_C: float,
+    transforms: Floats,
+    stress_Pa: float,
+    shift_K_Pa: float,
+    then_C: float,
     capacity_J_K: float,
     loss_W_K: float,
     margin: float,
@@ -389,6 +392,7 @@ def _heat_step(
     transforms_Ohm = max(contracted_Ohm, (1.0 - FALLS) * state[_COLD + _MOST_Ohm])
     shown_C = hottest_C(state, _BY_ITSELF, resistance_Ohm, load_N, dt_s, at_most_C, transformed_C, transforms_Ohm)
     # Where the heat balance calls it hotter than it is known to transform at, one of them errs: the hotter counts.
+    transforms_C = _transforms_at_C(transforms, resistance_Ohm, stress_Pa, shift_K_Pa, then_C)
     own_C = min(transformed_C, max(transforms_C, likely_C))
     own_C = hottest_C(state, _BY_ITS_OWN, resistance_Ohm, load_N, dt_s, at_most_C, own_C, transforms_Ohm)
     most_C = min(at_most_C, shown_C, own_C)
@@ -429,6 +433,7 @@ class WireHeat:
 
     def __init__(self, parameters: ThermalParameters):
         self.ambient = Ambient(parameters)
+        self.transforms = Transforms(Calibration(), parameters)  #: to be replaced where a calibration knows more
         self.cools = True  #: nothing is known of it yet
         #: The temperature with the heat loss of the parameters, and no more than its resistance says.
         self.temperature_C = parameters.max_temperature
@@ -454,15 +459,14 @@ class WireHeat:
         contracted_Ohm: float = math.inf,
         just_contracted_Ohm: float = math.inf,
         wire_W: float = math.nan,
-        transforms_C: float = math.inf,
+        stress_Pa: float = math.nan,
     ) -> None:
         """Keep both balances, on measured power [W]; resistance [Ω] and load [N] of the same reading, NaN where there
         is none.
 
         ``contracted_Ohm``, ``just_contracted_Ohm``: the most that a contracted wire shows up to max_temperature and to
         transformed_temperature (:func:`most_contracted_Ohm`);
-        ``wire_W``: the power without that in its leads; ``transforms_C``: what this wire is known to have at that
-        resistance at the most (:class:`Transforms`).
+        ``wire_W``: the power without that in its leads.
         """
         self.temperature_C, self.at_most_C, self.guessed_K, self.cools, self._shown_loss_W_K, self._margin = _heat_step(
             self._state,
@@ -478,7 +482,10 @@ class WireHeat:
             contracted_Ohm,
             just_contracted_Ohm,
             wire_W,
-            transforms_C,
+            self.transforms.row,
+            stress_Pa,
+            self.transforms.shift_K_Pa,
+            self.transforms.then_C,
             parameters.heat_capacity,
             parameters.heat_loss,
             parameters.heat_loss_margin,

@@ -861,7 +861,7 @@ class TestGate:
 
         def command(wanted_A, limit_A, driven=True, faults=()):
             supervisor = Supervisor(config)
-            monkeypatch.setattr(supervisor, "_derated_A", lambda: limit_A)
+            monkeypatch.setattr(supervisor, "_heat_leaves_A", limit_A)
             return supervisor.gate(wanted_A, driven, dict.fromkeys(faults, "as a test says"))[0]
 
         return command

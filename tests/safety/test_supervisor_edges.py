@@ -229,6 +229,7 @@ class TestHeat:
         supervisor = make()
         assert supervisor.limit_A() == MAX_A
         supervisor.heat.temperature_C = supervisor.heat.at_most_C = NAN
+        supervisor.update(supervisor.config)
         assert supervisor.limit_A() == BIAS_A
         assert supervisor.gate(MAX_A, True, {})[0] == Command(BIAS_A, True)
 

@@ -449,6 +449,20 @@ class TestAnotherWireInThePlaceOfTheCalibratedOne:
         assert run(5.6, 1.0, 20.0).at_most_C == pytest.approx(150.0, abs=0.5)
 
 
+#: At 100 MPa and 4.0 Ω contracted, 5.0 Ω cold; 80 °C contracted, 60 °C cold, and 10 K more by the stress.
+CALIBRATION = Calibration(
+    ambient_temperature=20.0,
+    rest=RestSection(cold_stress=(1e8,), cold_resistance=(5.0,), cold_displacement=(0.004,)),
+    hot_end=HotEndSection(contracted_stress=(1e8,), contracted_resistance=(4.0,), contracted_displacement=(0.0,)),
+    power=PowerSection(
+        transformation_heating=(80.0, 60.0),
+        transformation_cooling=(50.0, 40.0),
+        transformation_shift=(3e-7, 1e-7),
+        latent_rise=20.0,
+    ),
+)
+
+
 class TestOwnThermometer:
     """What was identified of a wire says how hot it is while it transforms; its heat balance has to agree."""
 
@@ -456,10 +470,16 @@ class TestOwnThermometer:
 
     def warm(self, parameters, power_W, transforms_C, seconds=20.0, resistance=lambda _: 4.5):
         heat = WireHeat(parameters)
+        if math.isfinite(transforms_C):
+            heated_C = 20.0 + (transforms_C - 20.0) / CAPACITY_WITHIN
+            power = replace(
+                CALIBRATION.power, transformation_heating=(heated_C, heated_C), transformation_shift=(0.0, 0.0)
+            )
+            heat.transforms = Transforms(replace(CALIBRATION, power=power), parameters)
         heat.step(0.0, 60.0, math.nan, parameters)
         for step in range(round(seconds / 0.05)):
             shown_Ohm = resistance(0.05 * step)
-            heat.step(power_W, 0.05, math.nan, parameters, shown_Ohm, 1.0, transforms_C=transforms_C)
+            heat.step(power_W, 0.05, math.nan, parameters, shown_Ohm, 1.0, stress_Pa=1e8)
         return heat
 
     def test_it_is_no_hotter_than_where_it_transforms(self, parameters):
@@ -484,23 +504,9 @@ class TestOwnThermometer:
 
 
 class TestTransformsAt:
-    """At 100 MPa and 4.0 Ω contracted, 5.0 Ω cold; 80 °C contracted, 60 °C cold, and 10 K more by the stress."""
-
     @pytest.fixture
     def calibration(self):
-        return Calibration(
-            ambient_temperature=20.0,
-            rest=RestSection(cold_stress=(1e8,), cold_resistance=(5.0,), cold_displacement=(0.004,)),
-            hot_end=HotEndSection(
-                contracted_stress=(1e8,), contracted_resistance=(4.0,), contracted_displacement=(0.0,)
-            ),
-            power=PowerSection(
-                transformation_heating=(80.0, 60.0),
-                transformation_cooling=(50.0, 40.0),
-                transformation_shift=(3e-7, 1e-7),
-                latent_rise=20.0,
-            ),
-        )
+        return CALIBRATION
 
     @pytest.mark.parametrize(
         ("resistance_Ohm", "by_balance_C"), [(4.0, 90.0), (4.5, 80.0), (5.0, 70.0), (3.0, 90.0), (6.0, 70.0)]

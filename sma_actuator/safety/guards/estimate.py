@@ -18,6 +18,12 @@ APART, APART_s = 0.1, 1.0
 def contradicted_m(step: Step) -> float:
     """How far the displacement sensor and the position that resistance and load tell are apart; NaN where one of them
     is not known or both may be right."""
+    if step.contradicted_m is None:
+        step.contradicted_m = _contradicted_m(step)
+    return step.contradicted_m
+
+
+def _contradicted_m(step: Step) -> float:
     if step.reading is None or not step.settled or step.estimate.quality > Quality.INDETERMINATE_HOT:
         return nan
     apart_m = step.signals.reference_displacement_m - step.estimate.displacement_m

@@ -121,14 +121,15 @@ def supply_lost(step: Step) -> str:
     return silent(step, step.memory.supply_s, "read-back of the supply") or step.held_up_by("supply")
 
 
-def _disagrees(step: Step, name: str, differs: bool, however_late: bool) -> float | None:
-    """For how long supply and DAQ have differed [s], the latter also however late it may be; None where that has not
-    lasted."""
-    memory, however = step.memory, f"{name}, however late"
-    lasts_s = memory.lasts_s(name, differs, step.now_s)
-    unlike_s = memory.lasts_s(however, however_late, step.now_s)
+def _disagrees(step: Step, names: tuple[str, str], differs: bool, however_late: bool) -> float | None:
+    """For how long supply and DAQ have differed [s], the latter also however late it may be, by the names of either;
+    None where that has not lasted."""
+    memory, (name, however) = step.memory, names
     if not differs:
+        memory.over(name, however)
         return None
+    lasts_s = memory.lasts_s(name, True, step.now_s)
+    unlike_s = memory.lasts_s(however, however_late, step.now_s)
     lasts_at_least_s, late_s = step.config.safety.disagreement_time, max(LAG_s, LAG_READINGS / step.config.loop.rate)
     return lasts_s if lasts_s >= lasts_at_least_s and unlike_s >= lasts_at_least_s - late_s else None
 
@@ -153,7 +154,7 @@ def supply_disagrees(step: Step) -> str:
     tolerance_A = step.config.safety.current_disagreement
     differs = not abs(measured_A - told_A) <= tolerance_A
     however_late = differs and not step.memory.told_A.off_by(measured_A) <= tolerance_A
-    lasts_s = _disagrees(step, "supply_disagrees", differs, however_late)
+    lasts_s = _disagrees(step, ("supply_disagrees", "supply_disagrees, however late"), differs, however_late)
     if lasts_s is None:
         return ""
     return (
@@ -179,14 +180,14 @@ def measurements_disagree(step: Step) -> str:
         return ""
     memory, tolerance_A, tolerance_V = step.memory, safety.current_disagreement, safety.voltage_disagreement
     shown_A, shown_V = step.signals.current_A, reading.supply_voltage_V
-    memory.supply_A.note(step.now_s, supply.current_A)
-    memory.supply_V.note(step.now_s, supply.voltage_V)
+    memory.supply_A_V.note(step.now_s, supply.current_A, supply.voltage_V)
     currents_differ = not abs(supply.current_A - shown_A) <= tolerance_A
     differ = step.told.output_on and (currents_differ or not abs(supply.voltage_V - shown_V) <= tolerance_V)
     however_late = differ and not (
-        memory.supply_A.off_by(shown_A) <= tolerance_A and memory.supply_V.off_by(shown_V) <= tolerance_V
+        memory.supply_A_V.off_by(shown_A) <= tolerance_A and memory.supply_A_V.off_by(shown_V, 1) <= tolerance_V
     )
-    lasts_s = _disagrees(step, "measurements_disagree", differ, however_late)
+    names = "measurements_disagree", "measurements_disagree, however late"
+    lasts_s = _disagrees(step, names, differ, however_late)
     if lasts_s is None:
         return ""
     if currents_differ:
@@ -229,10 +230,10 @@ def current_drifts(step: Step) -> str:
         max(told.current_A, setting_A),
         share,
     )
-    # supply_disagrees, if it lasts
-    jumped = abs(step.signals.current_A - told.current_A) > step.config.safety.current_disagreement
-    if jumped or not abs(change_A) > allowed_A:
+    if not abs(change_A) > allowed_A:
         return ""
+    if abs(step.signals.current_A - told.current_A) > step.config.safety.current_disagreement:
+        return ""  # supply_disagrees, if it lasts
     currents.forget()
     return (
         f"at {told.current_A:.3g} A the DAQ measures {change_A * 1e3:+.3g} mA more than when such a current first "
@@ -265,10 +266,10 @@ def voltage_drifts(step: Step) -> str:
     change_V, allowed_V = voltages.step(
         step.reading.time_s, step.signals.current_A, step.reading.supply_voltage_V, supply.voltage_V, share
     )
-    # measurements_disagree, if it lasts
-    jumped = abs(step.reading.supply_voltage_V - supply.voltage_V) > step.config.safety.voltage_disagreement
-    if jumped or not abs(change_V) > allowed_V:
+    if not abs(change_V) > allowed_V:
         return ""
+    if abs(step.reading.supply_voltage_V - supply.voltage_V) > step.config.safety.voltage_disagreement:
+        return ""  # measurements_disagree, if it lasts
     voltages.forget()
     return (
         f"at {supply.voltage_V:.3g} V the DAQ measures {change_V * 1e3:+.3g} mV more than when such a current first "
