@@ -23,7 +23,7 @@ memory of I. D. Mayergoyz, "Mathematical models of hysteresis" (1991).
 
 from __future__ import annotations
 
-from math import nan, sqrt
+from math import hypot, nan, sqrt
 
 import numpy as np
 
@@ -123,12 +123,14 @@ def longer_m(stress_Pa: float, ends: np.ndarray, known: np.ndarray, state: Float
 
 
 @jit
-def unsure_m(stress_Pa: float, ends: np.ndarray, known: np.ndarray, state: Floats) -> float:
-    """How far off that may be, half of a 95 % interval."""
+def unsure_m(stress_Pa: float, ends: np.ndarray, known: np.ndarray, state: Floats) -> tuple[float, float]:
+    """How far off that may be: half of a 95 % interval by chance, and where one of the two ways holds, and not their
+    mean, besides."""
     formed_m, apart_m = _formed_m(stroke_m(stress_Pa, ends), known, state)
-    followed_m = FOLLOWED * abs(state[_LEFT] * state[_BEGAN_m] + formed_m)
-    began_m = state[_LOWEST] * state[_UNSURE_m] + (state[_LOWEST] - state[_LEFT]) * abs(state[_BEGAN_m])
-    return began_m + followed_m + 0.5 * apart_m
+    told_m = state[_LOWEST] * state[_UNSURE_m]
+    followed_m = FOLLOWED * (state[_LEFT] * state[_BEGAN_m] + formed_m)
+    began_m = (state[_LOWEST] - state[_LEFT]) * abs(state[_BEGAN_m])
+    return hypot(told_m, followed_m), began_m + 0.5 * apart_m
 
 
 @jit
@@ -185,7 +187,7 @@ def tell(
     share = more / (square + more)
     begin(1.0, max(share * found, (SHORTEST - 1.0) * stroke), share, stress_Pa, ends, state)
     more = max(more, (USUALLY * stroke * max(known[STAYS], 1.0 - known[TURNED])) ** 2)
-    state[_UNSURE_m] = 2.0 * sqrt(square * more / (square + more)) + share * WITHIN * abs(found)
+    state[_UNSURE_m] = hypot(2.0 * sqrt(square * more / (square + more)), share * WITHIN * found)
 
 
 @jit

@@ -29,7 +29,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import exp, isfinite, nan, sqrt, tanh
+from math import exp, hypot, isfinite, nan, sqrt, tanh
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -421,7 +421,8 @@ def advance(
         orientation.follow(state[_SHARE], stress, n.ends, n.martensite, oriented)
         out[3] = orientation.longer_m(stress, n.ends, n.martensite, oriented)
         out[0] += out[3]
-        out[1] += orientation.unsure_m(stress, n.ends, n.martensite, oriented)
+        by_chance_m, either_way_m = orientation.unsure_m(stress, n.ends, n.martensite, oriented)
+        out[1] = hypot(out[1], by_chance_m) + either_way_m
 
 
 @jit
