@@ -43,6 +43,8 @@ from sma_actuator.control.tracking import TrackingErrors
 from sma_actuator.instruments import InstrumentError
 from sma_actuator.plant.worlds import HOME
 
+from .remote.client import without_ros
+
 #: How long a process may take to be ready: the first start on a machine compiles its kernels, and the machine may be
 #: busy.
 READY_TIMEOUT_s = 600.0
@@ -82,6 +84,10 @@ def add_arguments(parser) -> None:
 def run(args) -> int:
     """Run the demonstration; 0 when the wire was driven and the output is off at the end."""
     refuse_to_overwrite(args)
+    try:
+        import rclpy  # noqa: F401 - before bench and node are started
+    except ModuleNotFoundError as error:
+        raise without_ros(error) from None
     console = Console(stderr=args.json == Path("-"))
     parameters = read_parameter_file(shared_file(f"config/{args.wire}.yaml"))
     with noted_signals() as interrupts, _folder() as folder, contextlib.ExitStack() as stack:

@@ -25,7 +25,7 @@ from sma_actuator.base.signals import Branch, Estimate, Quality, Signals
 
 from .branch import BranchDetector, EstimatorParameters, is_heating
 from .circuit import CircuitSections
-from .effects import Effect, Effects, in_order
+from .effects import Effect, EffectError, Effects, in_order
 from .effects.frame import Frame, Place
 from .hot_end import HotEnd, HotEndSections, is_contracted
 from .models import Coefficients, StrainModel, ThermalStrainModel
@@ -39,7 +39,8 @@ STRESS_MARGIN = 0.05
 STROKE_MARGIN = 0.05
 
 _QUALITIES = tuple(Quality)  # indexing is quicker than calling an enumeration
-Act = tuple[Callable[[Frame, np.ndarray, Place], None], np.ndarray]  #: what an effect does at a stage, and its memory
+#: What an effect does at a stage, its memory, and what to call it.
+Act = tuple[Callable[[Frame, np.ndarray, Place], None], np.ndarray, str]
 
 
 class PlausibleResistance(Protocol):
@@ -249,7 +250,8 @@ class Chain:
         self._resistances_Ohm = config.safety.resistance_min, config.safety.resistance_max
         self._velocity_state = np.full(3, nan)
         self._effects = [
-            (e, np.empty(e.STATES)) for e in in_order(config.effects.active if effects is None else effects).values()
+            (name, effect, np.empty(effect.STATES))
+            for name, effect in in_order(config.effects.active if effects is None else effects).items()
         ]
         self._measured = self._at("measured")
         self._at_resistance = self._at("at_resistance")
@@ -259,12 +261,16 @@ class Chain:
         self.begin_session()
 
     def _at(self, stage: str) -> tuple[Act, ...]:
-        return tuple((getattr(effect, stage), state) for effect, state in self._effects if hasattr(effect, stage))
+        return tuple(
+            (getattr(effect, stage), state, f"effect '{name}', {stage}")
+            for name, effect, state in self._effects
+            if hasattr(effect, stage)
+        )
 
     @property
     def effects(self) -> tuple[Effect, ...]:
         """The effects that act in it, in their order."""
-        return tuple(effect for effect, _ in self._effects)
+        return tuple(effect for _, effect, _ in self._effects)
 
     @property
     def displacement_range_m(self) -> tuple[float, float]:
@@ -291,7 +297,7 @@ class Chain:
         """Forget everything: the next sample is the first of a session."""
         self._start_s = nan
         self._undriven = False  #: at the last sample
-        for _, state in self._effects:
+        for _, _, state in self._effects:
             state[:] = nan
         self.reset()
 
@@ -301,7 +307,7 @@ class Chain:
         self._started = False
         self._velocity_state[:] = nan  # it begins with the first displacement
         self._hot_end.reset()
-        for effect, state in self._effects:
+        for _, effect, state in self._effects:
             effect.forget_the_loop(state)
         self._last = Estimate(-inf, nan, nan, 0.0, Branch.COOLING, Quality.INVALID)
 
@@ -529,8 +535,17 @@ class Chain:
             self._start_s = time_s
 
     def _act(self, acts: tuple[Act, ...], frame: Frame) -> Frame:
-        for act, state in acts:
-            act(frame, state, self._place)
+        samples = frame.elapsed_s.shape
+        for act, state, name in acts:
+            try:
+                act(frame, state, self._place)
+                fits = frame.resistance_Ohm.shape == samples and (
+                    frame.displacement_m is None or frame.displacement_m.shape == samples
+                )
+            except Exception as error:  # it may be somebody else's
+                raise EffectError(f"{name}: {type(error).__name__}: {error}") from error
+            if not fits:
+                raise EffectError(f"{name}: leaves another number of samples than the {samples[0]} that it is given")
         return frame
 
     def _in_reach(self, stress_Pa: float) -> float:

@@ -65,6 +65,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+#: Packages of this command's own extras, by what is imported of them; the others are ROS 2's.
+_BROUGHT = {"foxglove": ("foxglove-sdk", "foxglove"), "aiohttp": ("aiohttp", "view")}
+
+
 def run(args: argparse.Namespace) -> int:
     """Serve until a signal comes; 0 then."""
     host = _address(args.host)
@@ -72,8 +76,8 @@ def run(args: argparse.Namespace) -> int:
     try:
         (_run_foxglove if args.foxglove else _run_page)(nodes, host, args)
     except ModuleNotFoundError as error:
-        package = {"foxglove": "foxglove-sdk' (extra 'foxglove')"}.get(error.name or "", f"{error.name}'")
-        raise UserError(f"needs the Python package '{package}, which is not installed") from error
+        package, extra = _BROUGHT.get(error.name or "", (error.name, "ros"))
+        raise UserError(f"needs the Python package '{package}' (extra '{extra}')") from error
     return 0
 
 

@@ -188,3 +188,22 @@ def test_without_ros_the_node_names_the_package_and_the_extra(tmp_path):
         1,
         "sma_actuator_node: needs the Python package 'rclpy' (extra 'ros')\n",
     )
+
+
+@pytest.mark.parametrize(
+    ("command", "missing", "said"),
+    [
+        ("demo", "rclpy", "needs ROS 2, and Python finds no 'rclpy': source a ROS 2 installation, or pip install"),
+        ("status", "rclpy", "needs ROS 2, and Python finds no 'rclpy': source a ROS 2 installation, or pip install"),
+        ("view", "rclpy", "needs the Python package 'rclpy' (extra 'ros')"),
+        ("view", "aiohttp", "needs the Python package 'aiohttp' (extra 'view')"),
+    ],
+)
+def test_without_an_extra_a_command_says_in_a_sentence_which_it_wants(command, missing, said, tmp_path):
+    (tmp_path / f"{missing}.py").write_text(f"raise ModuleNotFoundError('No {missing}', name='{missing}')\n")
+    path = os.pathsep.join(filter(None, (str(tmp_path), os.environ.get("PYTHONPATH", ""))))
+    words = [sys.executable, "-m", "sma_actuator", command]
+    environment = {**os.environ, "PYTHONPATH": path}
+    done = subprocess.run(words, capture_output=True, text=True, env=environment, timeout=60.0)
+    assert done.returncode == 1 and done.stderr.startswith(f"sma-actuator {command}: {said}")
+    assert done.stderr.count("\n") == 1

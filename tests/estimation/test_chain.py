@@ -22,6 +22,7 @@ from sma_actuator.config import Config, read_parameter_file
 from sma_actuator.estimation.chain import Chain, _quality, _velocity, stresses_inside_Pa
 from sma_actuator.estimation.circuit import signals_from_reading, without_undriven
 from sma_actuator.estimation.effects import EFFECTS as KNOWN
+from sma_actuator.estimation.effects import EffectError
 
 
 @pytest.fixture
@@ -501,3 +502,21 @@ def test_a_resistance_at_its_bound_is_good_for_one_sample_and_for_many(config, b
         one = dataclasses.replace(some, **first)
         assert (Chain(config).step(one)[1].quality is not Quality.INVALID) is good
         assert ((Chain(config).run(some).quality != Quality.INVALID) == good).all()
+
+
+@pytest.mark.parametrize(
+    ("does", "said"),
+    [
+        (lambda frame: 1 / 0, "ZeroDivisionError: division by zero"),
+        (lambda frame: setattr(frame, "displacement_m", np.zeros(7)), "leaves another number of samples than the "),
+        (lambda frame: setattr(frame, "displacement_m", 0.0), "AttributeError: "),
+    ],
+    ids=["raises", "other shape", "one number"],
+)
+def test_an_effect_of_a_plug_in_that_fails_is_named_by_sample_and_by_log(seen, monkeypatch, does, said):
+    config, arrays = seen
+    monkeypatch.setattr(KNOWN["slip"], "at_displacement", lambda self, frame, state, place: does(frame))
+    chain = Chain(config, effects={"slip": KNOWN["slip"]()})
+    for judged in (lambda: chain.step(sample(arrays, 0)), lambda: chain.run(arrays)):
+        with pytest.raises(EffectError, match=f"effect 'slip', at_displacement: {said}"):
+            judged()

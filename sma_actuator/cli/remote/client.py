@@ -221,6 +221,14 @@ class NodeClient(Named):
         self._context.try_shutdown()
 
 
+def without_ros(error: ModuleNotFoundError) -> UserError:
+    """What to say where a package of ROS 2 is not there."""
+    return UserError(
+        f"needs ROS 2, and Python finds no '{error.name}': source a ROS 2 installation, or "
+        "pip install 'sma_actuator[ros]'"
+    )
+
+
 @contextlib.contextmanager
 def connected(args: argparse.Namespace) -> Iterator[NodeClient]:
     """A client of the node that is meant.  Raises UserError where ROS 2 is not installed."""
@@ -228,10 +236,7 @@ def connected(args: argparse.Namespace) -> Iterator[NodeClient]:
         try:
             client = NodeClient(args, interrupts)
         except ModuleNotFoundError as error:
-            raise UserError(
-                f"needs ROS 2, and Python finds no '{error.name}': source a ROS 2 installation, or "
-                "pip install 'sma_actuator[ros]'"
-            ) from None
+            raise without_ros(error) from None
         try:
             yield client
         finally:

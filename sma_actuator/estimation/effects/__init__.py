@@ -13,7 +13,7 @@ With all parameters of size at zero an effect changes nothing.  What else it say
 """
 
 from . import circuit, load_cell, mechanism, reference, wire
-from .effect import EFFECTS, NOT_THE_MODEL, PARTS, QUANTITIES, STAGES, Effect, in_order
+from .effect import EFFECTS, NOT_THE_MODEL, PARTS, QUANTITIES, STAGES, Effect, EffectError, in_order
 from .section import Effects, effects_from_mapping
 
 __all__ = [
@@ -23,6 +23,7 @@ __all__ = [
     "QUANTITIES",
     "STAGES",
     "Effect",
+    "EffectError",
     "Effects",
     "circuit",
     "effects_from_mapping",

@@ -14,6 +14,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from sma_actuator.base.errors import UserError
 from sma_actuator.base.registry import Registry
 
 from .free import Free, Scales
@@ -42,6 +43,10 @@ QUANTITIES = {
     "resistance_rate_Ohm_s": "rate of the resistance [Ω/s]",
     "ambient_temperature_C": "ambient temperature [°C]",
 }
+
+
+class EffectError(UserError):
+    """An effect that cannot do what it is for.  The sentence names it."""
 
 
 class Effect:
