@@ -25,7 +25,7 @@ export PYTHONDONTWRITEBYTECODE :=
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION) $(if $(VIEW),--view)
 
-# Most tests wait for processes: four beside the two cores cost nothing.  A class, or a file's functions, stay together.
+# Most tests wait for processes: six beside the two cores cost nothing.  A class, or a file's functions, stay together.
 test: $(VENV)/ready viewers
 	$(BIN)/python -m pytest -n 6 --dist loadscope --no-loadscope-reorder -m "not long" --durations=10
 
