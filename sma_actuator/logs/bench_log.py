@@ -253,11 +253,17 @@ def averaged(log: BenchLog, least_period_s: float = 0.02) -> BenchLog:
     longer.
 
     Voltages and currents are averaged before anything is made of them, as a DAQ averages its blocks; blocks that hold a
-    pause are left out.
+    pause are left out.  Raises BenchLogError where all of it is shorter than that.
     """
     together = int(least_period_s / log.period_s * (1.0 + 1e-6)) if len(log) > 1 else 1
     if together < 2:
         return log
+    if len(log) < together:
+        lasts_s = log["time_s"][-1] - log["time_s"][0]
+        raise BenchLogError(
+            f"{log.source}: all of it lasts {lasts_s:.3g} s, in which no wire does anything; is the time in hours "
+            "(--unit time_s=h)?"
+        )
     rows = len(log) // together * together
     blocks = {name: values[:rows].reshape(-1, together) for name, values in log.columns.items()}
     whole = (np.diff(blocks["time_s"], axis=1) <= longest_pause_s(log)).all(axis=1)

@@ -17,6 +17,8 @@ from .cycles import cycle_numbers, is_driven
 from .errors import BenchLogError
 from .sense import MOST_STROKE
 
+#: Share of wire.max_stress below zero that is more than the drifted zero of an unloaded cell.
+_ZERO_OFF = 0.02
 NOT_FITTED = ("lead_resistance", "load_cell", "lvdt", "training")
 _WIRE_KEYS = {"length_m": "length", "diameter_m": "diameter"}
 
@@ -115,6 +117,12 @@ def make_experiment(log: BenchLog, config, with_reference: bool = True) -> Exper
     log = _as_the_node_read_it(log, config)
     _not_saturated(log, config)
     signals = signals_from_log(log, config)
+    usual_A = float(np.median(np.nan_to_num(signals.current_A, nan=0.0)))
+    if usual_A < -0.5 * config.supply.bias_current:
+        raise BenchLogError(
+            f"{log.source}: line 2: the current is about {usual_A:.3g} A; of one that is measured the other way round "
+            "say --unit current_A=-A"
+        )
     good = np.isfinite(signals.resistance_Ohm + signals.stress_Pa + signals.power_W)
     if not good.any():
         largest_A = float(np.nan_to_num(signals.current_A, nan=0.0).max())
@@ -139,6 +147,11 @@ def make_experiment(log: BenchLog, config, with_reference: bool = True) -> Exper
         raise BenchLogError(
             f"{log.source}: line 2: the stress is about {stress_Pa / 1e6:.0f} MPa, beyond wire.max_stress "
             f"({config.wire.max_stress / 1e6:.0f} MPa); check wire.diameter and the load's unit"
+        )
+    if stress_Pa < -_ZERO_OFF * config.wire.max_stress:
+        raise BenchLogError(
+            f"{log.source}: line 2: the load is about {np.median(signals.load_N[good]):.3g} N, and a wire only pulls; "
+            "of a load cell that counts pull as negative say --unit load_N=-N, or turn load_cell.slope round"
         )
     if signals.reference_displacement_m is not None and np.ndim(signals.reference_displacement_m):
         moved_m = signals.reference_displacement_m[np.isfinite(signals.reference_displacement_m)]

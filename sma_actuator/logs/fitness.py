@@ -92,6 +92,7 @@ def judge(logs: Sequence[BenchLog], length_m: float = math.nan) -> list[Finding]
         _one_clock,
         _no_tone,
         _new_readings,
+        _pulls,
         _direction,
     )
     findings += [requirement(logs, cycles) for requirement in requirements]
@@ -411,6 +412,16 @@ def _repeated(log: BenchLog) -> float:
 def _moves(values: np.ndarray) -> bool:
     known = values[np.isfinite(values)]
     return bool(len(known) and np.ptp(known) > 0.0)
+
+
+def _pulls(logs: Sequence[BenchLog], cycles: Sequence[Seen]) -> Finding:
+    pushed = [log.name for log in logs if "load_N" in log and np.nanmedian(log["load_N"]) < 0.0]
+    return Finding(
+        "the load pulls",
+        f"it is negative in {', '.join(pushed)}" if pushed else "it does",
+        not pushed,
+        "turn its sign round: --unit load_N=-N",
+    )
 
 
 def _direction(logs: Sequence[BenchLog], cycles: Sequence[Seen]) -> Finding:

@@ -32,6 +32,8 @@ from .static import log_of_points
 from .tables import PART
 
 Say = Callable[[str], None]
+#: A log of more readings than that which lasts no longer is asked for its unit: a session takes a minute, and more.
+_SHORT_s, _MANY = 2.0, 200
 ENDINGS = (".csv", ".tsv", ".txt", *READERS, ".mcap", ".db3")
 
 
@@ -212,6 +214,9 @@ def _read(
             else with_rising_stamps(log_of(table, read_metadata(path)), say)
         )
     check_bench_log(log, allow_gaps=True)
+    if log["time_s"][-1] - log["time_s"][0] < _SHORT_s and len(log) > _MANY:
+        words = f"lasts less than {_SHORT_s:g} s; is the time in minutes or hours (--unit time_s=min, or =h)?"
+        notes.setdefault(words, []).append(path.name)
     pause_s = longest_pause_s(log)
     pauses = int(np.count_nonzero(np.diff(log["time_s"]) > pause_s))
     if pauses:

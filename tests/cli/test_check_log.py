@@ -9,8 +9,12 @@ import numpy as np
 import pytest
 
 from sma_actuator.cli.main import main
-from sma_actuator.logs.bench_log import write_bench_log
+from sma_actuator.config import bench_from_mapping
+from sma_actuator.logs.bench_log import averaged, write_bench_log
+from sma_actuator.logs.experiments import make_experiment
 from sma_actuator.logs.fitness import judge
+from sma_actuator.logs.mapping import column_map
+from sma_actuator.logs.reading import ReadingOptions, read_logs
 
 
 @pytest.fixture(scope="module")
@@ -165,6 +169,13 @@ def test_the_command_says_what_would_mend_it(logs, tmp_path, capsys):
     assert "hang three weights" in said and "turn back half-way" in said
 
 
+def test_a_load_that_pushes_is_turned_round(logs):
+    (finding,) = [
+        f for f in judge(changed(logs, load_N=lambda log: np.full(len(log), -0.98))) if "pulls" in f.requirement
+    ]
+    assert not finding.met and finding.remedy.endswith("--unit load_N=-N")
+
+
 def test_without_a_witness_nothing_else_is_asked(logs):
     alone = [
         dataclasses.replace(log, columns={k: v for k, v in log.columns.items() if k != "lvdt_current_A"})
@@ -172,6 +183,32 @@ def test_without_a_witness_nothing_else_is_asked(logs):
     ]
     (finding,) = judge(alone)
     assert not finding.met and "LVDT" in finding.remedy
+
+
+@pytest.mark.parametrize(
+    ("column", "factor", "unit", "said"),
+    [
+        ("load_N", -1.0, "-N", "a wire only pulls; of a load cell that counts pull as negative say --unit load_N=-N"),
+        ("current_A", -1.0, "-A", " A; of one that is measured the other way round say --unit current_A=-A"),
+        ("time_s", 1.0 / 3600.0, "h", "in which no wire does anything; is the time in hours (--unit time_s=h)?"),
+    ],
+)
+def test_a_column_turned_round_or_in_hours_is_refused_with_the_option_that_mends_it(
+    column, factor, unit, said, flexinol, logs, tmp_path, capsys
+):
+    config = bench_from_mapping(flexinol.mapping)
+    names = {"time_s": "t", "resistance_Ohm": "R", "current_A": "I", "load_N": "F", "displacement_m": "x"}
+    for log in logs:
+        s = make_experiment(log, config).signals
+        rows = np.column_stack((s.time_s, s.resistance_Ohm, s.current_A, s.load_N, s.reference_displacement_m))
+        rows[:, list(names).index(column)] *= factor
+        np.savetxt(tmp_path / log.name, rows, delimiter=",", header=",".join(names.values()), comments="", fmt="%.12g")
+    maps = [f"{ours}={theirs}" for ours, theirs in names.items()]
+    words = ["--alloy", "ni-ti", "--length", "0.1", "--diameter", "0.15mm", "--out", str(tmp_path / "model.yaml")]
+    assert main(["identify", str(tmp_path), *words, *(word for each in maps for word in ("--map", each))]) == 1
+    assert said in capsys.readouterr().err
+    for mended in read_logs([tmp_path], ReadingOptions(column_map(maps, [f"{column}={unit}"], (), None))):
+        make_experiment(averaged(mended), config)
 
 
 @pytest.mark.parametrize("rows", [1, 2, 40], ids=lambda n: f"{n} rows")
