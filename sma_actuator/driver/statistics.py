@@ -66,7 +66,7 @@ class Deadlines:
         self._first_s = math.nan  #: time of deadline 0
         self._start_s = math.nan  #: the whole period next to it, from which the others are counted
         self._number = 0  #: of the next deadline
-        self._periods_s = np.full(_WINDOW, np.nan)
+        self._periods_s = np.full(_WINDOW, np.nan)  #: before the steps of the last window, the first of all NaN
         self._busy_s = np.full(_WINDOW, np.nan)
 
     def next_s(self, now_s: Callable[[], float]) -> float:
@@ -91,8 +91,9 @@ class Deadlines:
 
     def statistics(self, late_answers: int, slowest_answer_s: float) -> LoopStatistics:
         """Period and overruns, with what the instruments add."""
-        periods_s = self._periods_s[np.isfinite(self._periods_s)]
-        busy_s = self._busy_s[np.isfinite(self._busy_s)]
+        count = min(self.steps, _WINDOW)
+        # Before the first step there was none.
+        periods_s, busy_s = self._periods_s[int(self.steps <= _WINDOW) : count], self._busy_s[:count]
         if not len(periods_s):
             return LoopStatistics(self.steps, self.overruns, late_answers, slowest_answer_s)
         return LoopStatistics(
