@@ -311,6 +311,25 @@ def with_rising_stamps(log: BenchLog, say: Callable[[str], None] = lambda senten
     return dataclasses.replace(log, columns={**log.columns, "time_s": spread_s})
 
 
+def with_slow_load_filled(log: BenchLog, say: Callable[[str], None] = lambda sentence: None) -> BenchLog:
+    """A log with a load at every row, also where the instrument that measures it is slower; ``say`` is told.
+
+    A load with readings in fewer than half of the rows is so: between two of them stands what lies on the line that
+    joins them, unless one is missing there.  Of voltage and current that would be wrong wherever one is switched.
+    """
+    time_s, columns = log["time_s"], dict(log.columns)
+    for name in [name for name in LOAD if name in columns]:
+        known = np.flatnonzero(np.isfinite(columns[name]))
+        step_s = np.diff(time_s[known])
+        if not 2 <= len(known) < 0.5 * len(log) or (usual_s := float(np.median(step_s))) > _SLOWEST_PERIOD_s:
+            continue
+        gap_s = step_s[np.clip(np.searchsorted(known, np.arange(len(log))), 1, len(known) - 1) - 1]
+        line = np.interp(time_s, time_s[known], columns[name][known], left=np.nan, right=np.nan)
+        columns[name] = np.where((gap_s < 1.5 * usual_s) | np.isfinite(columns[name]), line, np.nan)
+        say(f"{name} stands in {len(known) / len(log):.0%} of the rows; between them it is on the line that joins them")
+    return dataclasses.replace(log, columns=columns)
+
+
 def check_bench_log(log: BenchLog, allow_gaps: bool = False) -> None:
     """Raise BenchLogError where a log lacks columns, or holds values or times that cannot be."""
     source, first = log.source, log.first_line

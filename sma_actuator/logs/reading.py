@@ -23,6 +23,7 @@ from .bench_log import (
     longest_pause_s,
     read_metadata,
     with_rising_stamps,
+    with_slow_load_filled,
 )
 from .errors import BenchLogError
 from .formats import READERS, read_table
@@ -214,6 +215,8 @@ def _read(
             else with_rising_stamps(log_of(table, read_metadata(path)), say)
         )
     check_bench_log(log, allow_gaps=True)
+    if not log.metadata:  # a node knows what it has not read
+        log = with_slow_load_filled(log, lambda words: notes.setdefault(words, []).append(path.name))
     if log["time_s"][-1] - log["time_s"][0] < _SHORT_s and len(log) > _MANY:
         words = f"lasts less than {_SHORT_s:g} s; is the time in minutes or hours (--unit time_s=min, or =h)?"
         notes.setdefault(words, []).append(path.name)

@@ -1,7 +1,8 @@
 """Tables of numbers as other people write them: text with any separator, and what extras can read.
 
 In text: comma, semicolon, tab or blanks between the fields; decimal points or commas, thousands with the other one;
-UTF-8, UTF-16, Windows-1252 or GB 18030; whatever a program writes before the header, and comments; a row of units below
+UTF-8, UTF-16, Windows-1252 or GB 18030; whatever a program writes before the header, comments, and words on lines of
+their own; a row of units below
 it, and the header again where a logger was started again; words for readings that are missing; columns of text, of
 which dates and times of day become seconds and all others are left out.
 """
@@ -347,6 +348,9 @@ def _parse(stream: BinaryIO, path: Path, progress: Progress | None) -> Table:
             break
     notes = [*header.notes, *(f"column '{name}' holds text and is left out" for name in parser.left_out)]
     notes += [f"column '{name}' holds dates: seconds since the first" for name in parser.moments]
+    if parser.remarks:
+        more = f" and {len(parser.remarks) - 1} more" if len(parser.remarks) > 1 else ""
+        notes.append(f"line {parser.remarks[0]}{more} among the rows hold no numbers and are left out")
     if parser.missing:
         notes.append(f"a reading is missing where {', '.join(map(repr, parser.missing))} stands")
     columns = {
@@ -371,6 +375,7 @@ class _ChunkParser:
         self.left_out: dict[str, str] = {}  #: columns of text, with the first
         self.moments: dict[str, Moment] = {}  #: columns of dates or times of day, with the first
         self.missing: dict[str, None] = {}  #: words that stood for a reading
+        self.remarks: list[int] = []  #: lines of words among the rows, as of who stopped it
         self._last_s: dict[str, float] = {}  #: of the moments
         self._known = False  #: whether the kinds of the columns are
         self._mark = ""  #: before decimals
@@ -461,6 +466,8 @@ class _ChunkParser:
                 if len(fields) >= len(headers[0]) >= len(stripped):
                     rows.append(fields[: len(headers[0])])
                     places.append(reader.line_num)
+                elif not any(map(is_number, stripped)):
+                    self.remarks.append(self._line + reader.line_num - 1)
                 elif not odd:
                     odd = reader.line_num
                     words = self._wrong_width(odd, len(fields), odd == len(lines))

@@ -276,6 +276,14 @@ def test_what_cannot_be_read_is_refused_in_a_sentence_with_its_line(content, sai
     assert said in str(refused.value) and str(tmp_path / "log.csv") in str(refused.value)
 
 
+def test_words_on_lines_of_their_own_are_left_out_and_said(tmp_path):
+    content = [*lines()[:20], "*** Bediener: Pause ***", *lines()[20:], "", "Ende der Messung", "Werte: 60"]
+    (tmp_path / "log.csv").write_text("\n".join(content))
+    table = read_table(tmp_path / "log.csv")
+    np.testing.assert_allclose(table.columns["Zeit [s]"], TIME_s)
+    assert "line 21 and 2 more among the rows hold no numbers and are left out" in table.notes
+
+
 def test_times_that_begin_again_are_two_logs_and_the_line_is_that_of_the_file(tmp_path):
     ours = "time_s;resistance_Ohm;current_A;load_N;displacement_m"
     rows = [";".join((comma(row[0]), "6,0", "0,05", "0,98", "0,003")) for row in ROWS]

@@ -212,6 +212,31 @@ def test_check_log_writes_the_map_that_it_went_by(tmp_path, capsys):
     np.testing.assert_allclose(log["displacement_m"] - log["displacement_m"].max(), moved_m - moved_m.max(), atol=1e-8)
 
 
+def with_load(folder, stands):
+    """A log of a load that rises by 1 N/s, which stands only in some rows."""
+    rows = [f"{0.02 * i:.2f},5.0,0.1,{0.02 * i if stands(i) else ''},0.002" for i in range(301)]
+    (folder / "log.csv").write_text("\n".join([HEADER, *rows]))
+    said = []
+    (log,) = read_logs([folder / "log.csv"], ReadingOptions(), said.append)
+    return log, said
+
+
+def test_the_load_of_a_slower_instrument_is_known_between_its_readings_but_not_where_one_is_missing(tmp_path):
+    log, said = with_load(tmp_path, lambda i: i % 10 == 0 and i != 150)
+    missing = np.isnan(log["load_N"])
+    assert list(np.flatnonzero(missing)) == [*range(141, 160)]
+    np.testing.assert_allclose(log["load_N"][~missing], log["time_s"][~missing], atol=1e-12)
+    assert "log.csv: load_N stands in 10% of the rows; between them it is on the line that joins them" in said
+
+
+@pytest.mark.parametrize(
+    "stands", [lambda i: i % 100 == 0, lambda i: i % 3 != 0, lambda i: i < 100], ids=["2 s", "most", "then none"]
+)
+def test_of_a_load_that_is_slower_than_a_wire_or_only_missing_nothing_is_made(stands, tmp_path):
+    log, _ = with_load(tmp_path, stands)
+    np.testing.assert_array_equal(np.isfinite(log["load_N"]), [stands(i) for i in range(301)])
+
+
 def in_files(folder, pause_s):
     """One recording in two files, the clock of the second ``pause_s`` behind the first's last reading."""
     log = pulses(2)
