@@ -321,6 +321,11 @@ def _vectors(path: Path, found: Mapping[str, Any]) -> dict[str, np.ndarray]:
             }
         elif np.ndim(value) == 1 and np.size(value) > 1:
             vectors[name] = np.asarray(value)
+    if not any(v.dtype.kind in "fiub" for v in vectors.values()):
+        matrices = {name: np.shape(value) for name, value in found.items() if np.ndim(value) == 2 and np.size(value)}
+        if matrices:  # whose columns have no names
+            shown = named(f"'{name}' ({rows} × {columns})" for name, (rows, columns) in matrices.items())
+            raise BenchLogError(f"{path}: holds a matrix, {shown}; save each of its columns under a name of its own")
     if not vectors:
         return {}
     lengths = sorted({len(v) for v in vectors.values()}, key=lambda n: -sum(len(v) == n for v in vectors.values()))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy.io
 
 from sma_actuator.cli.main import main
 from sma_actuator.logs.bench_log import BenchLog, averaged, with_rising_stamps
@@ -260,3 +261,11 @@ def test_files_of_a_logger_whose_clock_goes_on_are_one_recording(tmp_path):
 def test_files_with_a_pause_between_them_or_a_clock_that_begins_again_are_two(pause_s, tmp_path):
     in_files(tmp_path, pause_s)
     assert len(read_logs([tmp_path], ReadingOptions())) == 2
+
+
+def test_a_matrix_without_names_is_said_with_what_to_do(tmp_path):
+    scipy.io.savemat(tmp_path / "log.mat", {"data": np.ones((20, 5)), "names": ["t", "U", "I", "F", "x"], "rate": 20.0})
+    with pytest.raises(
+        BenchLogError, match=r"holds a matrix, 'data' \(20 × 5\); save each of its columns under a name"
+    ):
+        read_logs([tmp_path / "log.mat"], ReadingOptions())
