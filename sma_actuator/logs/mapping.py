@@ -230,8 +230,9 @@ def _unit_said(theirs: str, own: str, table: Table) -> str:
 
 
 def _in_brackets(name: str) -> str:
-    """What stands in brackets in a column's name, which would be its unit; "" where nothing or an index does."""
-    return next((text for text in reversed(_BRACKETS.findall(name)) if not text.isdecimal()), "")
+    """What stands in brackets in a column's name, which would be its unit; "" where it has no letters, as an index."""
+    texts = reversed(_BRACKETS.findall(name))
+    return next((text for text in texts if any(c.isalpha() or c in "%°" for c in text)), "")
 
 
 def _other_unit_in(name: str, own: str) -> str:

@@ -7,6 +7,7 @@ import pytest
 from sma_actuator.logs.errors import BenchLogError
 from sma_actuator.logs.mapping import column_map
 from sma_actuator.logs.reading import ReadingOptions, read_logs
+from sma_actuator.logs.tables import Table
 
 N = 60
 POUND_N, GRAM_N = 4.4482216152605, 9.80665e-3
@@ -65,6 +66,13 @@ def test_what_stands_in_brackets_and_is_no_unit_is_asked_for(load, displacement,
     log = read(path, load[0], displacement[0], units=[f"{ours}={unit}"])
     np.testing.assert_allclose(log["load_N"], LOAD_N, rtol=1e-6)
     np.testing.assert_allclose(log["displacement_m"], DISPLACEMENT_m, rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["Strain (-)", "Strain [–]", "Strain [1]", "Strain [0-1]", "strain[3]"])
+def test_a_dash_a_range_or_an_index_in_brackets_is_no_unit(name):
+    table = Table({name: np.full(3, 0.02)}, "loop.csv")
+    given = column_map([f"strain={name}"], (), (), None, ("strain",)).apply(table)
+    np.testing.assert_array_equal(given.columns["strain"], 0.02)
 
 
 def test_a_word_for_a_unit_agrees_with_its_symbol_and_contradicts_another(tmp_path):
