@@ -163,8 +163,8 @@ def follow(share: float, stress_Pa: float, ends: np.ndarray, known: np.ndarray, 
 
 @jit
 def told(state: Floats) -> bool:
-    """Whether the wire is still wholly martensite, whose length was told by its resistance."""
-    return state[_READINGS] > 0.0 and state[_SHARE] >= 1.0 - PLAY
+    """Whether the wire is still wholly martensite, as it began, whose length was told by its resistance."""
+    return state[_READINGS] > 0.0 and state[_LOWEST] >= 1.0 - PLAY
 
 
 @jit

@@ -187,6 +187,7 @@ class TestTheColdWireAsAStrainGauge:
         follow(0.5 - PLAY, LIGHT_Pa, ENDS, known, state)
         assert not told(state)
         follow(1.0, LIGHT_Pa, ENDS, known, state)
+        assert not told(state)  # all martensite again, but not as it began: what was read then is of the past
         assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(0.5 * began_m)
         assert unsure_m(LIGHT_Pa, ENDS, known, state) == pytest.approx((0.5 * unsure_m_, 0.0))
         # Contracted by half once more, a quarter is left; if the last goes first half, which the interval has.
