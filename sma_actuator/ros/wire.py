@@ -19,7 +19,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from sensor_msgs.msg import JointState
 
-from sma_actuator.base.parameters import ConfigError
+from sma_actuator.base.errors import UserError
 from sma_actuator.base.signals import Output, Quality
 from sma_actuator.config import Config
 from sma_actuator.derived import not_survived
@@ -340,17 +340,11 @@ class SmaActuatorNode(LifecycleNode):
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Open instruments and recorder and start the loop; no current can flow yet."""
-        try:
-            if not self._open_driver():
-                config = self.config
-                if not (config.autostart and config.wait_for_instruments):  # who waits for them says so himself
-                    self.log.say(ERROR, self.refusal)
-                return TransitionCallbackReturn.FAILURE
-        except Exception as error:
-            # rclpy would go on to on_error without a word.
-            self.refusal = f"{type(error).__name__}: {error}"
-            self.log.say(ERROR, traceback.format_exc())
-            raise
+        if not self._open_driver():
+            config = self.config
+            if not (config.autostart and config.wait_for_instruments):  # who waits for them says so himself
+                self.log.say(ERROR, self.refusal)
+            return TransitionCallbackReturn.FAILURE
         return super().on_configure(state)
 
     def _open_driver(self) -> bool:
@@ -379,8 +373,11 @@ class SmaActuatorNode(LifecycleNode):
             # The loop runs from now on, also while the node is inactive: the watchdog of the supply
             # wants to be fed, and a lost instrument to be found again.
             self.driver.start()
-        except (InstrumentError, ConfigError) as error:
-            self.refusal, self._hopeless = str(error), isinstance(error, ConfigError)
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - parts of other packages leave by anything
+            self.refusal, self._hopeless = str(error), not isinstance(error, InstrumentError)
+            if not isinstance(error, UserError):
+                self.refusal = f"{type(error).__name__}: {error}"
+                self.log.say(ERROR, traceback.format_exc())
             self.give_up_driver()
             self._telling.publish_status()
             return False
