@@ -144,9 +144,12 @@ def test_a_trajectory_with_a_later_start_is_waited_for(rig):
     rig.enable()
     rig.track(0.0040)
     assert rig.actuator.offer_trajectory(rig.now_s, [0.0, 2.0], [0.0036, 0.0030], delay_s=1.0) == ""
-    rig.run(0.9)
+    rig.run(0.2)
+    assert "tracking (a trajectory begins in 1 s, as it is stamped)" in rig.status.message
+    rig.run(0.7)
     assert rig.output.setpoint_m == 0.0040
     rig.run(1.1)
+    assert "begins" not in rig.status.message
     assert rig.output.setpoint_m == pytest.approx(0.0033, abs=1e-4)
     rig.run(2.0)
     assert rig.output.setpoint_m == 0.0030

@@ -337,6 +337,7 @@ class Actuator:
             self._following,
             self._offered.joint_commands,
             self._tuner,
+            self._now_s,
         )
         return Output(
             self._signals,

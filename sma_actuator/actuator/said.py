@@ -7,6 +7,7 @@ from math import nan
 
 from sma_actuator.base.signals import Branch, Estimate, Mode, Quality, Signals, Status
 from sma_actuator.control.commanding import Commanding
+from sma_actuator.control.setpoints import in_words
 from sma_actuator.safety.faults import gravest
 from sma_actuator.safety.guards.setpoints import setpoint_stale
 from sma_actuator.safety.limits import LIMITS, SETPOINT_RANGE
@@ -114,6 +115,7 @@ def status_of(
     following: Following,
     joint_commands: str,
     tuner: Tuner,
+    now_s: float,
 ) -> Status:
     """The status of a step with these faults and limits."""
     fault = supervisor.latched
@@ -121,6 +123,7 @@ def status_of(
     words = _WORDS_OF_MODE[mode._value_]  # a member of an enumeration is a key that takes long to look up
     if tuner.running is not None:
         words += f" ({tuner.words})"
+    words += in_words(commanding.begins_in_s(now_s))
     if fault is not None:
         words = f"off: {words_of_latched(supervisor)}{AFTER_A_LOSS if fault.until_back else AFTER_A_FAULT}"
     elif faults:

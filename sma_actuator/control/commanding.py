@@ -206,6 +206,10 @@ class Commanding:
             return trajectory(now_s - start_s)
         return self._position_m
 
+    def begins_in_s(self, now_s: float) -> float:
+        """Time until a trajectory begins whose start is still to come; NaN where there is none."""
+        return nan if self._awaited is None else self._awaited[0] - now_s
+
     def silent_s(self, now_s: float) -> float:
         """Time since a setpoint was last heard of."""
         return now_s - self._heard_s

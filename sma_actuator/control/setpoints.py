@@ -132,6 +132,11 @@ class Trajectory:
         return positions[k] + h * (positions[k + 1] - positions[k]) + bend_m
 
 
+def in_words(begins_in_s: float) -> str:
+    """What a status adds of a trajectory whose start is still to come; "" where it has come, and for NaN."""
+    return f" (a trajectory begins in {begins_in_s:.0f} s, as it is stamped)" if begins_in_s > 0.0 else ""
+
+
 def _checked_velocities(velocities_m_s: Sequence[float], points: int) -> tuple[float, ...]:
     velocities = tuple(float(v) for v in velocities_m_s)
     if len(velocities) != points:

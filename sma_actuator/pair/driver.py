@@ -20,7 +20,7 @@ from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import JointEstimate, Mode, Output, Quality, Status
 from sma_actuator.config import Config
 from sma_actuator.control.pair import LIMITS, Pair, PairParameters, WireState
-from sma_actuator.control.setpoints import Trajectory
+from sma_actuator.control.setpoints import Trajectory, in_words
 from sma_actuator.driver import OFF_MEANWHILE, Driver
 from sma_actuator.safety.faults import FAULTS
 from sma_actuator.safety.guards.program import partner_off
@@ -295,6 +295,7 @@ class PairDriver:
             mode, words = Mode.HOLD, "holding"
         fault = self._fault
         if self._driven:
+            words += in_words(self._awaited[0] - self._stepped_s) if self._awaited is not None else ""
             fault = setpoint_stale.name if self._lost else ""
             words += f": {setpoint_stale.words} ({self._lost})" if self._lost else ""
         if limits:

@@ -121,7 +121,8 @@ def test_a_trajectory_of_angles_is_waited_for_followed_and_its_last_angle_stands
     rig.run(0.5)
     rig.switch_on()
     assert rig.pair.follow([1.0, 3.0], [0.05, 0.15], delay_s=2.0) == ""
-    assert rig.run(1.9).status.mode is Mode.HOLD, "it was to begin later"
+    assert "holding (a trajectory begins in 2 s" in rig.run(0.2).status.message
+    assert rig.run(1.7).status.mode is Mode.HOLD, "it was to begin later"
     began_s = rig.output.time_s + 0.1  # a period after it was handed over the two seconds began
     status = rig.run(2.1).status
     between_rad = 0.05 + 0.05 * (rig.output.time_s - began_s - 1.0)
