@@ -369,6 +369,8 @@ def _row(name: str, field: dataclasses.Field) -> list[str]:
         span = ", ".join(declaration.choices)
     elif "str" in str(field.type):
         span = f"{longest(declaration)} characters"
+    if "tuple" in str(field.type):
+        span = f"[{span}, …]"
     unit = declaration.unit if declaration.unit != "1" else ""
     live = f"{declaration.live}, 0 least" if declaration.zero_is_never else declaration.live
     return [f"`{name}`", default, unit, span, live, declaration.description]

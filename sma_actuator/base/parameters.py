@@ -147,7 +147,7 @@ def check(name: str, value: Any, declaration: Declaration, kind: str) -> tuple[A
     """
     if kind.startswith("tuple"):
         if isinstance(value, (str, bytes, Mapping, Set)) or not hasattr(value, "__iter__"):
-            return value, f"{name}: {_shown(value)} is not a list"
+            return value, f"{name}: {_shown(value)} is not a list, as [a, b] is"
         inner = "float" if "float" in kind else "int" if "int" in kind else "str"
         items = []
         for i, item in enumerate(value):

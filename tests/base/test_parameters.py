@@ -45,7 +45,7 @@ ANYTHING = st.one_of(
         ("1e-6", "float", "write it with a decimal point"),
         ([], "tuple[float, ...]", "a: the list is empty"),
         ([0.5, "x"], "tuple[float, ...]", "a[1]: 'x' is not a number"),
-        ("abc", "tuple[str, ...]", "a: 'abc' is not a list"),
+        ("abc", "tuple[str, ...]", "a: 'abc' is not a list, as [a, b] is"),
         (1, "bool", "a: 1 is not true or false"),
         (1, "str", "a: 1 is not text"),
         ("a\nb", "str", "a: 'a\\nb' holds what cannot be printed, as the end of a line; one line of at most"),
