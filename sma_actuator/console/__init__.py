@@ -95,9 +95,15 @@ def _console(stream: Any, quiet: bool = False) -> Console:
 
 
 def refuse_to_overwrite(args: argparse.Namespace, *paths: Path | None) -> None:
-    """Raise UserError where one of the files to be written exists and ``--force`` was not given."""
+    """Raise UserError where one of the files to be written exists and ``--force`` was not given, or can be in no folder
+    since a file is in its place."""
     for path in (*paths, getattr(args, "json", None), getattr(args, "csv", None)):
-        if path is None or path == _STANDARD_OUTPUT or args.force:
+        if path is None or path == _STANDARD_OUTPUT:
+            continue
+        nearest = next(folder for folder in path.parents if folder.exists())
+        if not nearest.is_dir():
+            raise UserError(f"{nearest}: is a file; a folder for {path.name} is wanted")
+        if args.force:
             continue
         if path.exists() or path.is_symlink():
             raise UserError(f"{path}: exists already; --force overwrites it, or name another file")

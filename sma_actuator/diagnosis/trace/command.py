@@ -25,6 +25,7 @@ from sma_actuator.console import (
     refuse_to_overwrite,
     results,
     say_next,
+    typed,
     write_json,
 )
 from sma_actuator.estimation.effects import EFFECTS
@@ -252,7 +253,7 @@ def _next(args: argparse.Namespace, report: dict[str, Any], model: Path | None) 
     """What a verdict asks for; ``model``: the extended one, where one was written."""
     verdict = report["verdict"]
     if model is not None:
-        return f"sma_actuator_node --ros-args --params-file {model}"
+        return f"sma_actuator_node --ros-args --params-file {typed(model)}"
     if verdict == "none" and report["probable"][NOTHING] < LIMITS.enough:
         return "record a longer session, and trace that; what speaks for an effect: --explain NAME"
     if verdict == "none":

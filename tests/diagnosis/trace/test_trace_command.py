@@ -1,8 +1,11 @@
 """``sma-actuator trace`` as a user runs it: logs and a model in, a verdict, a page and an extended model out."""
 
+import argparse
 import dataclasses
 import json
 import re
+import shlex
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +17,7 @@ from sma_actuator.base.signals import Reading
 from sma_actuator.cli.main import main
 from sma_actuator.config import Config
 from sma_actuator.diagnosis.trace import Evidence
+from sma_actuator.diagnosis.trace.command import _next
 from sma_actuator.diagnosis.trace.evidence import errors_percent
 from sma_actuator.fleet.table import read_table
 from sma_actuator.logs.bench_log import read_bench_log, to_reading
@@ -240,6 +244,20 @@ def test_fitting_one_effect_alone_is_no_verdict_for_it(traced):
     assert main(["trace", *logs, "--config", model, "--out", str(out), "--jobs", "1", "--only", "rate"]) == 0
     assert json.loads((out / "report.json").read_text())["verdict"] == "unexplained"
     assert not (out / "model.yaml").exists()
+
+
+def test_the_next_command_names_one_file_whatever_is_in_its_name():
+    said = _next(argparse.Namespace(), {"verdict": "traced"}, Path("mein Draht/model.yaml"))
+    assert shlex.split(said)[-2:] == ["--params-file", "mein Draht/model.yaml"]
+
+
+def test_a_file_in_the_place_of_the_folder_is_said_before_anything_is_traced(traced, tmp_path, capsys):
+    _folder, logs, model = traced
+    (tmp_path / "out").write_text("")
+    for words in ([], ["--force"]):
+        assert main(["trace", *logs, "--config", model, "--out", str(tmp_path / "out"), *words]) == 1
+        said = capsys.readouterr().err
+        assert said == f"sma-actuator trace: {tmp_path / 'out'}: is a file; a folder for report.json is wanted\n"
 
 
 def test_a_failure_leaves_no_earlier_result_behind(traced, tmp_path, capsys):
