@@ -5,9 +5,10 @@ One YAML file serves the node and every tool (``config/`` has examples).
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -101,9 +102,12 @@ class Config(BenchConfig):
         problems += found
         if config is not None:
             problems += _cross_checks(config) + config.calibration.mismatches()
-            problems += config.model.mismatches(config.wire) + config.controller.mismatches(config)
-            if not problems and hasattr(model := config.model.build(config.wire), "limits_m"):
-                problems += wrong_sense(model, config.wire)
+            with _named(f"strain model '{config.model_type}'", problems):
+                problems += config.model.mismatches(config.wire)
+                if not problems and hasattr(model := config.model.build(config.wire), "limits_m"):
+                    problems += wrong_sense(model, config.wire)
+            with _named(f"control law '{CONTROL_LAWS.name_of(type(config.controller))}'", problems):
+                problems += config.controller.mismatches(config)
         refuse(problems, source)
         return dataclasses.replace(config, effects=effects)
 
@@ -236,6 +240,15 @@ def parameter_text(mapping: Mapping[str, Any], header: str, comments: Mapping[st
     inside = {f"{NODE_NAME}.ros__parameters.{name}": text for name, text in (comments or {}).items()}
     text = "".join(f"# {line}\n" for line in header.splitlines())
     return text + yaml_of({NODE_NAME: {"ros__parameters": mapping}}, inside)
+
+
+@contextlib.contextmanager
+def _named(part: str, problems: list[str]) -> Iterator[None]:
+    """Note what a part that is asked raises: it may be somebody else's."""
+    try:
+        yield
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - whatever it is
+        problems.append(f"{part}: {type(error).__name__}: {error}")
 
 
 def _cross_checks(common: BenchConfig) -> list[str]:

@@ -28,7 +28,7 @@ from .circuit import CircuitSections
 from .effects import Effect, EffectError, Effects, in_order
 from .effects.frame import Frame, Place
 from .hot_end import HotEnd, HotEndSections, is_contracted
-from .models import Coefficients, StrainModel, ThermalStrainModel
+from .models import COEFFICIENTS, Coefficients, ModelError, StrainModel, ThermalStrainModel
 
 #: The event that says in a log: here the chain forgot where on its loop the wire was.
 ESTIMATOR_RESET = "estimator reset"
@@ -234,6 +234,7 @@ class Chain:
 
     def __init__(self, config: ChainSections, effects: Mapping[str, Effect] | None = None):
         self._built = config.model.build(config.wire)
+        self._model_type = COEFFICIENTS.name_of(type(config.model))
         # A model with a heat balance wants the power too, and says how sure it is; the others are asked as ever.
         thermal = isinstance(self._built, ThermalStrainModel)
         self._thermal = cast(ThermalStrainModel, self._built) if thermal else None
@@ -369,13 +370,18 @@ class Chain:
         self, signals: Signals, resistance_Ohm: float, heating: bool, heat_W: float
     ) -> tuple[float, float, bool]:
         """The strain model's displacement, half of its 95 % interval, and whether its calibration has seen the like."""
-        stress_Pa = self._in_reach(signals.stress_Pa)
-        if self._thermal is None:
-            return self._model.step(resistance_Ohm, stress_Pa, heating), nan, True
-        ambient_C = signals.ambient_temperature_C
+        stress_Pa, ambient_C = self._in_reach(signals.stress_Pa), signals.ambient_temperature_C
         if not abs(ambient_C - self._usual_C) <= self._tolerance_K:
             ambient_C = nan  # a sensor that is not to be believed is none
-        return self._thermal.observe(signals.time_s, resistance_Ohm, stress_Pa, heating, heat_W, ambient_C)
+        try:
+            if self._thermal is None:
+                return float(self._model.step(resistance_Ohm, stress_Pa, heating)), nan, True
+            displacement_m, uncertainty_m, seen = self._thermal.observe(
+                signals.time_s, resistance_Ohm, stress_Pa, heating, heat_W, ambient_C
+            )
+            return float(displacement_m), float(uncertainty_m), bool(seen)
+        except (Exception, SystemExit) as error:  # it may be somebody else's
+            raise self._model_failed(error) from error
 
     # --- many ---------------------------------------------------------------------------------------
 
@@ -487,14 +493,20 @@ class Chain:
             self._start(time_s[0], resistance_Ohm[0], stress_Pa[0], power_W[0])
         heating = self._branch.run(time_s, resistance_Ohm, power_W)
         in_reach_Pa = np.clip(stress_Pa, *self._stress_Pa)
-        if self._thermal is None:
-            model_m = self._model.run(resistance_Ohm, in_reach_Pa, heating)
-            uncertainty_m, seen = np.full(len(time_s), nan), np.ones(len(time_s), dtype=np.bool_)
-        else:
-            doubtful = ~(np.abs(ambient_C - self._usual_C) <= self._tolerance_K)
-            model_m, uncertainty_m, seen = self._thermal.observe_all(
-                time_s, resistance_Ohm, in_reach_Pa, heating, heat_W, np.where(doubtful, nan, ambient_C)
-            )
+        doubtful = ~(np.abs(ambient_C - self._usual_C) <= self._tolerance_K)
+        try:
+            if self._thermal is None:
+                model_m = self._model.run(resistance_Ohm, in_reach_Pa, heating)
+                uncertainty_m, seen = np.full(len(time_s), nan), np.ones(len(time_s), dtype=np.bool_)
+            else:
+                model_m, uncertainty_m, seen = self._thermal.observe_all(
+                    time_s, resistance_Ohm, in_reach_Pa, heating, heat_W, np.where(doubtful, nan, ambient_C)
+                )
+            for each in (model_m, uncertainty_m, seen):
+                if each.shape != time_s.shape:
+                    raise ValueError(f"gives an array of shape {each.shape} for samples of shape {time_s.shape}")
+        except (Exception, SystemExit) as error:  # it may be somebody else's
+            raise self._model_failed(error) from error
         contracted = np.zeros(len(time_s), dtype=np.bool_)
         if self._asks_hot_end:
             contracted = self._hot_end.run(time_s, resistance_Ohm, stress_Pa, heat_W, ambient_C)
@@ -542,20 +554,26 @@ class Chain:
                 fits = frame.resistance_Ohm.shape == samples and (
                     frame.displacement_m is None or frame.displacement_m.shape == samples
                 )
-            except Exception as error:  # it may be somebody else's
+            except (Exception, SystemExit) as error:  # it may be somebody else's
                 raise EffectError(f"{name}: {type(error).__name__}: {error}") from error
             if not fits:
                 raise EffectError(f"{name}: leaves another number of samples than the {samples[0]} that it is given")
         return frame
+
+    def _model_failed(self, error: BaseException) -> ModelError:
+        return ModelError(f"strain model '{self._model_type}': {type(error).__name__}: {error}")
 
     def _in_reach(self, stress_Pa: float) -> float:
         """The stress, or the margin of the calibrated range where it lies beyond."""
         return min(max(stress_Pa, self._stress_Pa[0]), self._stress_Pa[1])
 
     def _start(self, time_s: float, resistance_Ohm: float, stress_Pa: float, power_W: float) -> None:
-        if self._thermal is None:
-            self._model.reset(resistance_Ohm, self._in_reach(stress_Pa))
-        else:
-            self._thermal.reset(0.0 if self._undriven else nan)
+        try:
+            if self._thermal is None:
+                self._model.reset(resistance_Ohm, self._in_reach(stress_Pa))
+            else:
+                self._thermal.reset(0.0 if self._undriven else nan)
+        except (Exception, SystemExit) as error:  # it may be somebody else's
+            raise self._model_failed(error) from error
         self._branch.reset(time_s, resistance_Ohm, power_W)
         self._started = True

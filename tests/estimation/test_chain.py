@@ -13,16 +13,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sma_actuator.base.parameters import walk
+from sma_actuator.base.parameters import ConfigError, walk
 from sma_actuator.base.share import shared_file
 from sma_actuator.base.signals import Quality, Signals
 from sma_actuator.bench.bench import VirtualBench
 from sma_actuator.bench.in_process import InProcessDaq, InProcessSupply
 from sma_actuator.config import Config, read_parameter_file
+from sma_actuator.control import CONTROL_LAWS
 from sma_actuator.estimation.chain import Chain, _quality, _velocity, stresses_inside_Pa
 from sma_actuator.estimation.circuit import signals_from_reading, without_undriven
 from sma_actuator.estimation.effects import EFFECTS as KNOWN
 from sma_actuator.estimation.effects import EffectError
+from sma_actuator.estimation.models import COEFFICIENTS, ModelError
 
 
 @pytest.fixture
@@ -508,10 +510,11 @@ def test_a_resistance_at_its_bound_is_good_for_one_sample_and_for_many(config, b
     ("does", "said"),
     [
         (lambda frame: 1 / 0, "ZeroDivisionError: division by zero"),
+        (lambda frame: sys.exit(3), "SystemExit: 3"),
         (lambda frame: setattr(frame, "displacement_m", np.zeros(7)), "leaves another number of samples than the "),
         (lambda frame: setattr(frame, "displacement_m", 0.0), "AttributeError: "),
     ],
-    ids=["raises", "other shape", "one number"],
+    ids=["raises", "leaves", "other shape", "one number"],
 )
 def test_an_effect_of_a_plug_in_that_fails_is_named_by_sample_and_by_log(seen, monkeypatch, does, said):
     config, arrays = seen
@@ -520,3 +523,44 @@ def test_an_effect_of_a_plug_in_that_fails_is_named_by_sample_and_by_log(seen, m
     for judged in (lambda: chain.step(sample(arrays, 0)), lambda: chain.run(arrays)):
         with pytest.raises(EffectError, match=f"effect 'slip', at_displacement: {said}"):
             judged()
+
+
+def _short(self, *_):
+    return np.zeros(7)
+
+
+def _leaves(self, *_):
+    raise SystemExit(3)
+
+
+@pytest.mark.parametrize(
+    ("does", "of_one", "of_many"),
+    [
+        (_leaves, "SystemExit: 3", "SystemExit: 3"),
+        (_short, "TypeError: ", r"ValueError: gives an array of shape \(7,\) for samples of shape "),
+        (lambda *_: None, "TypeError: ", "AttributeError: "),
+    ],
+    ids=["leaves", "other shape", "nothing"],
+)
+def test_a_model_of_a_plug_in_that_fails_is_named_by_sample_and_by_log(config, monkeypatch, does, of_one, of_many):
+    arrays, chain = signals(), Chain(config)
+    model = type(config.model.build(config.wire))
+    monkeypatch.setattr(model, "step", does)
+    with pytest.raises(ModelError, match=f"strain model '{config.model_type}': {of_one}"):
+        chain.step(sample(arrays, 0))
+    monkeypatch.setattr(model, "run", does)
+    with pytest.raises(ModelError, match=f"strain model '{config.model_type}': {of_many}"):
+        chain.run(arrays)
+
+
+@pytest.mark.parametrize("method", ["build", "mismatches"])
+def test_a_model_of_a_plug_in_that_cannot_be_asked_is_named_when_parameters_are_read(make_config, monkeypatch, method):
+    monkeypatch.setattr(COEFFICIENTS[make_config()["model"]["type"]], method, _leaves)
+    with pytest.raises(ConfigError, match="^strain model 'flexinol': SystemExit: 3$"):
+        Config.from_mapping(make_config())
+
+
+def test_a_law_of_a_plug_in_that_cannot_be_asked_is_named_when_parameters_are_read(make_config, monkeypatch):
+    monkeypatch.setattr(CONTROL_LAWS["pid"], "mismatches", _leaves)
+    with pytest.raises(ConfigError, match="^control law 'pid': SystemExit: 3$"):
+        Config.from_mapping(make_config())

@@ -7,6 +7,15 @@ is registered in ``sma_actuator.identify``.
 """
 
 from . import flexinol, furukawa, whole_range
-from .model import COEFFICIENTS, Coefficients, StrainModel, ThermalStrainModel
+from .model import COEFFICIENTS, Coefficients, ModelError, StrainModel, ThermalStrainModel
 
-__all__ = ["COEFFICIENTS", "Coefficients", "StrainModel", "ThermalStrainModel", "flexinol", "furukawa", "whole_range"]
+__all__ = [
+    "COEFFICIENTS",
+    "Coefficients",
+    "ModelError",
+    "StrainModel",
+    "ThermalStrainModel",
+    "flexinol",
+    "furukawa",
+    "whole_range",
+]

@@ -7,6 +7,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from sma_actuator.base.errors import UserError
 from sma_actuator.base.registry import Registry
 from sma_actuator.base.sections import Wire
 from sma_actuator.base.signals import Value
@@ -20,6 +21,10 @@ class Coefficients(Protocol):
 
     def mismatches(self, wire: Wire) -> list[str]:
         """Why the coefficients do not suit ``wire``, one sentence each."""
+
+
+class ModelError(UserError):
+    """A strain model that cannot do what it is for.  The sentence names it."""
 
 
 class StrainModel(Protocol):
