@@ -9,6 +9,7 @@ when the log was made (the wire, the load, the part of the experiment) stands be
 from __future__ import annotations
 
 import dataclasses
+import datetime
 import difflib
 import json
 import math
@@ -81,6 +82,7 @@ class BenchLog:
     source: str = "(in memory)"
     events: tuple[tuple[float, str], ...] = ()  #: time [s] of the row before which it happened, and what
     first_line: int = 2  #: of the file, where the readings begin
+    began: datetime.datetime | None = None  #: when its clock was at zero, where its stamps are dates
 
     def __getitem__(self, name: str) -> np.ndarray:
         return self.columns[name]
@@ -133,7 +135,7 @@ def log_of(table: Table, metadata: Mapping[str, Any]) -> BenchLog:
     columns = {n: values for n, values in table.columns.items() if not len(values) or not np.isnan(values).all()}
     time_s = columns.get("time_s", np.empty(0))
     events = tuple((float(time_s[row]), text) for row, text in sorted(table.texts.items()) if row < len(time_s))
-    return BenchLog(columns, metadata, table.source, events, table.first_line)
+    return BenchLog(columns, metadata, table.source, events, table.first_line, table.moments.get("time_s"))
 
 
 def write_bench_log(path: str | Path, log: BenchLog) -> None:

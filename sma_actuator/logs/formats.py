@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import math
 import mmap
 import shlex
@@ -349,6 +350,7 @@ def _table(
     notes = [place] if place else []
     texts: dict[int, str] = {}
     left_out: dict[str, str] = {}
+    moments: dict[str, datetime.datetime] = {}
     for name, values in columns.items():
         if name == EVENT_COLUMN:
             texts = {i: str(text) for i, text in enumerate(values) if text not in (None, "")}
@@ -358,13 +360,17 @@ def _table(
             notes.append(note)
         if note and column is not None:
             units[name] = "s"  # dates, whatever the header says of how they are written
+            first = np.asarray(values)[0]
+            first = first.astype("datetime64[us]").item() if isinstance(first, np.datetime64) else first
+            if isinstance(first, datetime.datetime):
+                moments[name] = first
         if column is not None:
             numbers[name] = column
         else:
             left_out[name] = next((v for v in values if isinstance(v, str) and not is_number(v)), "")
     if not numbers:
         raise BenchLogError(f"{path}: holds no column of numbers{': ' if left_out else ''}{holds_text(left_out)}")
-    return Table(numbers, str(path), units, texts, tuple(notes), first_line, left_out)
+    return Table(numbers, str(path), units, texts, tuple(notes), first_line, left_out, moments)
 
 
 def _numbers(name: str, values: Any) -> tuple[np.ndarray | None, str]:

@@ -90,7 +90,12 @@ class ColumnMap:
                 notes.append(f"{ours}: '{theirs}' is {words}")
         if self.known == tuple(COLUMNS):
             self._must_do(columns, table)
-        return Table(columns, table.source, {}, table.texts, tuple(notes), table.first_line)
+        moments = {
+            ours: table.moments[theirs]
+            for ours, theirs in wanted.items()
+            if isinstance(theirs, str) and theirs in table.moments
+        }
+        return Table(columns, table.source, {}, table.texts, tuple(notes), table.first_line, moments=moments)
 
     def of(self, table: Table) -> ColumnMap:
         """What is made of a table's columns, with all that was not said: the same again for any table like it."""

@@ -232,7 +232,10 @@ def _joined(logs: list[BenchLog], say: Say) -> list[BenchLog]:
     out: list[BenchLog] = []
     for log in logs:
         before = out[-1] if out else None
-        if before is not None and _follows(before, log):
+        if before is not None and _follows(before, on := _on_its_clock(before, log)):
+            if len(on) < len(log):
+                say(f"{log.name}: begins with the last {len(log) - len(on)} rows of {before.name}; they count once")
+            log = on
             columns = {name: np.concatenate((before[name], log[name])) for name in before.columns}
             metadata = {**before.metadata, "part": log.metadata.get("part", 1)}
             out[-1] = dataclasses.replace(before, columns=columns, metadata=metadata, events=before.events + log.events)
@@ -245,6 +248,28 @@ def _joined(logs: list[BenchLog], say: Say) -> list[BenchLog]:
                     f"it"
                 )
     return out
+
+
+#: Dates are read to the microsecond.
+_STAMPED_s = 1e-6
+
+
+def _on_its_clock(before: BenchLog, log: BenchLog) -> BenchLog:
+    """``log`` by the clock of the log before it, where the stamps of both are dates, and without the rows with which
+    that ends."""
+    first, began = before.began, log.began
+    if first is not None and began is not None and (first.tzinfo is None) == (began.tzinfo is None):
+        later_s = (began - first).total_seconds()
+        events = tuple((time_s + later_s, text) for time_s, text in log.events)
+        log = dataclasses.replace(log, columns={**log.columns, "time_s": log["time_s"] + later_s}, events=events)
+    twice = int(np.count_nonzero(log["time_s"] <= before["time_s"][-1] + _STAMPED_s))
+    if log.metadata or set(log.columns) != set(before.columns) or not 0 < twice < min(len(log), len(before)):
+        return log
+    for name, values in log.columns.items():
+        apart = _STAMPED_s if name == "time_s" else 0.0
+        if not np.allclose(values[:twice], before[name][-twice:], rtol=0.0, atol=apart, equal_nan=True):
+            return log
+    return dataclasses.replace(log, columns={name: values[twice:] for name, values in log.columns.items()})
 
 
 def _follows(before: BenchLog, log: BenchLog) -> bool:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import datetime
 import errno
 import io
 import os
@@ -79,11 +80,13 @@ class Table:
     left_out: Mapping[str, str] = field(
         default_factory=dict
     )  #: columns of text, with one of them, or "" of what was not read
+    moments: Mapping[str, datetime.datetime] = field(default_factory=dict)  #: of columns of dates, where they are zero
 
     def __post_init__(self) -> None:
         # Names and words of others: none of them commands the terminal on which they are shown.
         self._set("columns", {one_line(name): column for name, column in self.columns.items()})
         self._set("units", {one_line(name): one_line(unit) for name, unit in self.units.items()})
+        self._set("moments", {one_line(name): first for name, first in self.moments.items()})
         self._set("texts", {row: one_line(text) for row, text in self.texts.items()})
         self._set("notes", tuple(map(one_line, self.notes)))
         self._set("left_out", {one_line(name): one_line(text) for name, text in self.left_out.items()})
@@ -363,7 +366,8 @@ def _parse(stream: BinaryIO, path: Path, progress: Progress | None) -> Table:
             f"{path}: line {header.first_line}: holds no column of numbers: {holds_text(parser.left_out)}"
         )
     units = header.units | dict.fromkeys(parser.moments, "s")  # whatever the header says of how they are written
-    return Table(columns, str(path), units, parser.events, tuple(notes), header.first_line, parser.left_out)
+    dates = {name: first for name, first in parser.moments.items() if isinstance(first, datetime.datetime)}
+    return Table(columns, str(path), units, parser.events, tuple(notes), header.first_line, parser.left_out, dates)
 
 
 class _ChunkParser:

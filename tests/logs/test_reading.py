@@ -1,5 +1,7 @@
 """Logs as they come: stamps that stand twice, one bad file among good ones, columns in capitals, one map for all."""
 
+import datetime
+
 import numpy as np
 import pytest
 import scipy.io
@@ -255,6 +257,20 @@ def test_files_of_a_logger_whose_clock_goes_on_are_one_recording(tmp_path):
     np.testing.assert_allclose(log["time_s"], rows[:, 0], rtol=1e-8)
     np.testing.assert_allclose(log["displacement_m"], rows[:, 4], rtol=1e-8)
     assert "run_002.csv: goes on from run_001.csv" in said
+
+
+@pytest.mark.parametrize("again", [0, 3], ids=["every row once", "rows that stand in both"])
+def test_files_of_a_logger_that_writes_dates_are_one_recording(again, tmp_path):
+    rows, said = in_files(tmp_path, pause_s=0.02), []
+    half, noon = len(rows) // 2, datetime.datetime(2026, 3, 14, 12)
+    for name, part in (("run_001.csv", rows[:half]), ("run_002.csv", rows[half - again :])):
+        lines = [f"{noon + datetime.timedelta(seconds=t)},{','.join(map(repr, row))}" for t, *row in part.tolist()]
+        (tmp_path / name).write_text("\n".join([HEADER, *lines]) + "\n")
+    (log,) = read_logs([tmp_path], ReadingOptions(), said.append)
+    np.testing.assert_allclose(log["time_s"], rows[:, 0] - rows[0, 0], atol=2e-6)
+    np.testing.assert_array_equal(log["displacement_m"], rows[:, 4])
+    assert "run_002.csv: goes on from run_001.csv" in said
+    assert ("run_002.csv: begins with the last 3 rows of run_001.csv; they count once" in said) is bool(again)
 
 
 @pytest.mark.parametrize("pause_s", [-5.0, 0.0, 30.0])
