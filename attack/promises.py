@@ -19,8 +19,7 @@ class Promise:
 
     fault: str
     within: str  #: seconds, an expression in parameters
-    action: str
-    latches: bool
+    switches_off: bool
 
 
 class Promises:
@@ -40,7 +39,7 @@ class Promises:
 
     def switches_off(self, fault: str) -> bool:
         """Whether the row of ``fault`` says that it switches the output off."""
-        return self.rows[fault].action == "off"
+        return self.rows[fault].switches_off
 
 
 def read_table(document: Path = DOCUMENT) -> dict[str, Promise]:
@@ -55,7 +54,9 @@ def read_table(document: Path = DOCUMENT) -> dict[str, Promise]:
             columns = cells
         elif columns[0] == "fault" and not set(cells[0]) <= {"-", ":", " "}:
             row = {name: cell.strip("`") for name, cell in zip(columns, cells, strict=True)}
-            rows[row["fault"]] = Promise(row["fault"], row["within"], row["action"], row["latches"].startswith("yes"))
+            rows[row["fault"]] = Promise(
+                row["fault"], row["within"], row["action"].split(maxsplit=1)[0] in ("off", "off,")
+            )
     if not rows:
         raise ValueError(f"{document}: has no table whose first column is 'fault'")
     return rows

@@ -100,8 +100,8 @@ def refuse_to_overwrite(args: argparse.Namespace, *paths: Path | None) -> None:
     for path in (*paths, getattr(args, "json", None), getattr(args, "csv", None)):
         if path is None or path == _STANDARD_OUTPUT:
             continue
-        nearest = next(folder for folder in path.parents if folder.exists())
-        if not nearest.is_dir():
+        nearest = next((folder for folder in path.parents if folder.exists()), None)
+        if nearest is not None and not nearest.is_dir():
             raise UserError(f"{nearest}: is a file; a folder for {path.name} is wanted")
         if args.force:
             continue

@@ -67,12 +67,12 @@ def test_a_name_that_no_node_has_is_refused_before_ros_is_joined(command, name, 
 
 
 def test_what_the_system_refuses_is_a_sentence_and_with_v_says_where(flexinol, tmp_path, capsys):
-    """Here a file where a folder is wanted; as well a disk that is full, or a folder of another user."""
-    (tmp_path / "file").touch()
+    """Here a name that is too long; as well a disk that is full, or a folder of another user."""
+    too_long = tmp_path / f"{300 * 'a'}.csv"
     log, config = flexinol.folder / "pulses_0.600N.csv", shared_file("config/flexinol.yaml")
-    words = ["replay", str(log), "--config", str(config), "--csv", str(tmp_path / "file" / "a.csv")]
+    words = ["replay", str(log), "--config", str(config), "--csv", str(too_long)]
     assert main(words) == 1
-    assert f"sma-actuator replay: {tmp_path / 'file'}: " in capsys.readouterr().err
+    assert f"sma-actuator replay: {too_long}: " in capsys.readouterr().err
     with pytest.raises(OSError):
         main([*words, "-v"])
 
