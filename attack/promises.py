@@ -54,9 +54,7 @@ def read_table(document: Path = DOCUMENT) -> dict[str, Promise]:
             columns = cells
         elif columns[0] == "fault" and not set(cells[0]) <= {"-", ":", " "}:
             row = {name: cell.strip("`") for name, cell in zip(columns, cells, strict=True)}
-            rows[row["fault"]] = Promise(
-                row["fault"], row["within"], row["action"].split(maxsplit=1)[0] in ("off", "off,")
-            )
+            rows[row["fault"]] = Promise(row["fault"], row["within"], row["action"].startswith("off"))
     if not rows:
         raise ValueError(f"{document}: has no table whose first column is 'fault'")
     return rows
