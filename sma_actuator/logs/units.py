@@ -122,15 +122,14 @@ def quantity(text: str, unit: str) -> float | None:
 def unit_in_words(text: str, own: str) -> Unit | None:
     """What a text says that one of a column is, in ``own``: ``mm``, ``-mm`` (it counts the other way), ``1.5mm``; None
     where it says nothing."""
-    sign, symbol = (-1.0, text[1:]) if text.startswith("-") else (1.0, text)
-    factor = sign
-    if not unit_of(symbol, own):
-        written = re.fullmatch(r"\s*(\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)\s*(\S+)", symbol)
-        if written is None or not unit_of(written[2], own):
-            return None
-        factor, symbol = sign * float(written[1]), written[2]
-    unit = UNITS[own][unit_of(symbol, own)]
-    return Unit(factor * unit.factor, sign * unit.offset)
+    sign, said = (-1.0, text[1:]) if text.startswith("-") else (1.0, text)
+    number, symbol = 1.0, unit_of(said, own)
+    if not symbol and (written := re.fullmatch(r"\s*(\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)\s*(\S+)", said)):
+        number, symbol = float(written[1]), unit_of(written[2], own)
+    if not symbol:
+        return None
+    unit = UNITS[own][symbol]
+    return Unit(sign * number * unit.factor, sign * unit.offset)
 
 
 def unit_of(text: str, own: str) -> str:
