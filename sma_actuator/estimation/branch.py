@@ -103,7 +103,8 @@ def _are_heating(
 
 
 class BranchDetector:
-    """Decides the branch, one sample or many at a time, with one memory."""
+    """What :func:`is_heating` decides the branch by, with its memory: of a chain's single samples, and of whole
+    logs."""
 
     def __init__(self, parameters: EstimatorParameters):
         self.state = np.zeros(3)
@@ -126,10 +127,6 @@ class BranchDetector:
         """Start on one branch, in thermal balance."""
         by_resistance = DECISIONS[self.decision] == "resistance_rate"
         self.state[:] = heating, resistance_Ohm if by_resistance else power_W, time_s
-
-    def step(self, time_s: float, resistance_Ohm: float, power_W: float) -> bool:
-        """Whether the wire is heating."""
-        return bool(is_heating(self.decision, time_s, resistance_Ohm, power_W, self.state, self.numbers))
 
     def run(self, time_s: np.ndarray, resistance_Ohm: np.ndarray, power_W: np.ndarray) -> np.ndarray:
         """Whether the wire is heating, of n samples: arrays of shape (n,), bool."""

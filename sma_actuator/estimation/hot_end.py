@@ -27,30 +27,6 @@ ENTER, LEAVE = 0.015, 0.03
 
 
 @jit
-def _contracted(
-    time: float,
-    resistance: float,
-    contracted: float,
-    power: float,
-    ambient: float,
-    state: np.ndarray,
-    line: np.ndarray,
-) -> bool:
-    """``contracted``: resistance of the contracted wire at this stress, where it was calibrated; ``state`` = [time,
-    temperature above ambient, contracted]; ``line`` = [heat loss, time constant, slope, its temperature, enter,
-    leave, usual ambient, its tolerance]."""
-    step = max(time - state[0], 0.0) if state[0] == state[0] else 0.0
-    settled = power / line[0]
-    if state[0] != state[0]:
-        state[1] = settled
-    state[0] = time
-    state[1] = settled + (state[1] - settled) * exp(-step / line[1])
-    austenite = contracted + line[2] * (ambient + state[1] - line[3])
-    state[2] = 1.0 if resistance - austenite < (line[5] if state[2] > 0.5 else line[4]) else 0.0
-    return state[2] > 0.5
-
-
-@jit
 def is_contracted(
     row: Floats,
     stress: float,
@@ -61,18 +37,31 @@ def is_contracted(
     state: np.ndarray,
     line: np.ndarray,
 ) -> bool:
-    """The same at a stress, in surroundings that are believed where they are about usual; ``row``, ``state`` and
-    ``line`` are those of a :class:`HotEnd`."""
+    """Whether the wire is contracted as far as it goes, in surroundings that are believed where they are about usual.
+
+    ``row``: of a :class:`HotEnd`, the resistance of the contracted wire by stress, where it was calibrated; ``state`` =
+    [time, temperature above ambient, contracted]; ``line`` = [heat loss, time constant, slope, its temperature, enter,
+    leave, usual ambient, its tolerance].
+    """
     if isnan(ambient) or abs(ambient - line[6]) > line[7]:
         ambient = line[6]
-    return _contracted(time, resistance, looked_up(row, 0, stress), power, ambient, state, line)
+    step = max(time - state[0], 0.0) if state[0] == state[0] else 0.0
+    settled = power / line[0]
+    if state[0] != state[0]:
+        state[1] = settled
+    state[0] = time
+    state[1] = settled + (state[1] - settled) * exp(-step / line[1])
+    austenite = looked_up(row, 0, stress) + line[2] * (ambient + state[1] - line[3])
+    state[2] = 1.0 if resistance - austenite < (line[5] if state[2] > 0.5 else line[4]) else 0.0
+    return state[2] > 0.5
 
 
 @jit
-def _contracted_all(
+def _are_contracted(
+    row: Floats,
+    stress: np.ndarray,
     time: np.ndarray,
     resistance: np.ndarray,
-    contracted: np.ndarray,
     power: np.ndarray,
     ambient: np.ndarray,
     state: np.ndarray,
@@ -80,7 +69,7 @@ def _contracted_all(
     out: np.ndarray,
 ) -> None:
     for i in range(len(time)):
-        out[i] = _contracted(time[i], resistance[i], contracted[i], power[i], ambient[i], state, line)
+        out[i] = is_contracted(row, stress[i], time[i], resistance[i], power[i], ambient[i], state, line)
 
 
 class HotEndSections(Protocol):
@@ -104,9 +93,8 @@ class HotEnd:
     def __init__(self, config: HotEndSections):
         hot_end = config.calibration.hot_end
         self.known = config.calibration.hot_end_known
-        self._stress_Pa, self._resistance_Ohm = hot_end.contracted_stress, hot_end.contracted_resistance
-        self._displacement_m = hot_end.contracted_displacement
-        self.row = row_of((self._stress_Pa, self._resistance_Ohm))
+        self._stress_Pa, self._displacement_m = hot_end.contracted_stress, hot_end.contracted_displacement
+        self.row = row_of((self._stress_Pa, hot_end.contracted_resistance))
         self.state = np.zeros(3)
         self.update(config)
         self.reset()
@@ -114,7 +102,6 @@ class HotEnd:
     def update(self, config: HotEndSections) -> None:
         """Take over live parameters; the memory stays."""
         calibration, thermal = config.calibration, config.thermal
-        self._usual_C, self._tolerance_K = thermal.ambient_temperature, thermal.ambient_tolerance
         self.line = np.array(
             [
                 thermal.heat_loss,
@@ -137,12 +124,6 @@ class HotEnd:
         line: Callable = interpolated if isinstance(stress_Pa, float) else np.interp
         return line(stress_Pa, self._stress_Pa, self._displacement_m)
 
-    def step(self, time_s: float, resistance_Ohm: float, stress_Pa: float, power_W: float, ambient_C: float) -> bool:
-        """Whether one sample is that of a contracted wire."""
-        return bool(
-            is_contracted(self.row, stress_Pa, time_s, resistance_Ohm, power_W, ambient_C, self.state, self.line)
-        )
-
     def run(
         self,
         time_s: np.ndarray,
@@ -151,17 +132,9 @@ class HotEnd:
         power_W: np.ndarray,
         ambient_C: np.ndarray,
     ) -> np.ndarray:
-        """The same of n samples: arrays of shape (n,), bool."""
-        doubtful = ~(np.abs(ambient_C - self._usual_C) <= self._tolerance_K)
+        """Of n samples, whether each is that of a contracted wire: arrays of shape (n,), bool."""
         contracted = np.empty(len(time_s), dtype=np.bool_)
-        _contracted_all(
-            time_s,
-            resistance_Ohm,
-            np.interp(stress_Pa, self._stress_Pa, self._resistance_Ohm),
-            power_W,
-            np.where(doubtful, self._usual_C, ambient_C),
-            self.state,
-            self.line,
-            contracted,
+        _are_contracted(
+            self.row, stress_Pa, time_s, resistance_Ohm, power_W, ambient_C, self.state, self.line, contracted
         )
         return contracted

@@ -7,7 +7,7 @@ import pytest
 
 from sma_actuator.base.share import shared_file
 from sma_actuator.config import Config
-from sma_actuator.estimation.hot_end import ENTER, LEAVE, HotEnd
+from sma_actuator.estimation.hot_end import ENTER, LEAVE, HotEnd, is_contracted
 
 STRESS_Pa, POWER_W = 60e6, 0.3
 
@@ -33,8 +33,10 @@ def austenite_Ohm(config, ambient_C, power_W=POWER_W):
     return at_hot_end_Ohm + max(calibration.hot_end.contracted_slope, 0.0) * hotter_K
 
 
-def seen(config, resistance_Ohm, ambient_C, hot_end=None, time_s=0.0):
-    return (hot_end or HotEnd(config)).step(time_s, resistance_Ohm, STRESS_Pa, POWER_W, ambient_C)
+def seen(config, resistance_Ohm, ambient_C, hot_end=None, time_s=0.0, power_W=POWER_W):
+    """One sample, as a chain's kernel asks it."""
+    known = hot_end or HotEnd(config)
+    return is_contracted(known.row, STRESS_Pa, time_s, resistance_Ohm, power_W, ambient_C, known.state, known.line)
 
 
 def test_it_is_seen_below_one_bound_and_left_above_a_second(config):
@@ -68,12 +70,12 @@ def test_the_temperature_follows_the_power_with_the_wires_time_constant(config):
     steep = sloping(config, 1.0)
     thermal, usual_C = steep.thermal, steep.thermal.ambient_temperature
     hot_end = HotEnd(steep)
-    hot_end.step(100.0, 100.0, STRESS_Pa, 0.0, usual_C)
+    seen(steep, 100.0, usual_C, hot_end, 100.0, power_W=0.0)
     tau_s = thermal.heat_capacity / thermal.heat_loss
     share = 1.0 - np.exp(-1.0)
     hot_Ohm, range_Ohm = austenite_Ohm(steep, usual_C, share * POWER_W), steep.calibration.resistance_range
-    assert not hot_end.step(100.0 + tau_s, hot_Ohm + 1.1 * ENTER * range_Ohm, STRESS_Pa, POWER_W, usual_C)
-    assert hot_end.step(100.0 + tau_s, hot_Ohm + 0.9 * ENTER * range_Ohm, STRESS_Pa, POWER_W, usual_C)
+    assert not seen(steep, hot_Ohm + 1.1 * ENTER * range_Ohm, usual_C, hot_end, 100.0 + tau_s)
+    assert seen(steep, hot_Ohm + 0.9 * ENTER * range_Ohm, usual_C, hot_end, 100.0 + tau_s)
     hot_end.reset()
     assert seen(steep, austenite_Ohm(steep, usual_C), usual_C, hot_end, 1e6)
 
@@ -83,9 +85,9 @@ def test_a_clock_that_is_set_back_cools_nothing(config):
     usual_C = steep.thermal.ambient_temperature
     hot_Ohm, hot_end = austenite_Ohm(steep, usual_C), HotEnd(steep)
     assert seen(steep, hot_Ohm, usual_C, hot_end, 100.0)
-    assert hot_end.step(0.0, hot_Ohm, STRESS_Pa, 0.0, usual_C)  # the power of this sample has had no time
+    assert seen(steep, hot_Ohm, usual_C, hot_end, 0.0, power_W=0.0)  # the power of this sample has had no time
     left_Ohm = hot_Ohm + 1.01 * LEAVE * steep.calibration.resistance_range
-    assert not hot_end.step(0.0, left_Ohm, STRESS_Pa, 0.0, usual_C), "nor was any heat made"
+    assert not seen(steep, left_Ohm, usual_C, hot_end, 0.0, power_W=0.0), "nor was any heat made"
 
 
 def test_resistance_that_seems_to_fall_with_temperature_is_not_believed(config):
