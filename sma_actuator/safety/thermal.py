@@ -286,14 +286,10 @@ class Transforms:
                 power.heating,
             )
 
-    def at_C(self, resistance_Ohm: float, stress_Pa: float) -> float:
-        """That temperature [°C] at a stress; ∞ where nobody knows."""
-        return _transforms_at_C(self.row, resistance_Ohm, stress_Pa, self.shift_K_Pa, self.then_C)
-
 
 @jit
-def _transforms_at_C(row: Floats, resistance_Ohm: float, stress_Pa: float, shift_K_Pa: float, then_C: float) -> float:
-    """See :meth:`Transforms.at_C`."""
+def transforms_at_C(row: Floats, resistance_Ohm: float, stress_Pa: float, shift_K_Pa: float, then_C: float) -> float:
+    """That temperature [°C] at a stress, with what :class:`Transforms` has for it; ∞ where nobody knows."""
     if not len(row):
         return inf
     _, by_balance_C = share_and_heating_C(row, resistance_Ohm, stress_Pa, shift_K_Pa)
@@ -392,7 +388,7 @@ def _heat_step(
     transforms_Ohm = max(contracted_Ohm, (1.0 - FALLS) * state[_COLD + _MOST_Ohm])
     shown_C = hottest_C(state, _BY_ITSELF, resistance_Ohm, load_N, dt_s, at_most_C, transformed_C, transforms_Ohm)
     # Where the heat balance calls it hotter than it is known to transform at, one of them errs: the hotter counts.
-    transforms_C = _transforms_at_C(transforms, resistance_Ohm, stress_Pa, shift_K_Pa, then_C)
+    transforms_C = transforms_at_C(transforms, resistance_Ohm, stress_Pa, shift_K_Pa, then_C)
     own_C = min(transformed_C, max(transforms_C, likely_C))
     own_C = hottest_C(state, _BY_ITS_OWN, resistance_Ohm, load_N, dt_s, at_most_C, own_C, transforms_Ohm)
     most_C = min(at_most_C, shown_C, own_C)

@@ -33,6 +33,7 @@ from sma_actuator.safety.thermal import (
     keep_cold,
     most_contracted_Ohm,
     shown_loss_W_K,
+    transforms_at_C,
 )
 
 
@@ -503,6 +504,12 @@ class TestOwnThermometer:
         assert rising.at_most_C == pytest.approx(130.0, abs=0.5)
 
 
+def transforms_C(calibration, parameters, resistance_Ohm, stress_Pa):
+    """As the kernel of the heat balance asks it."""
+    known = Transforms(calibration, parameters)
+    return transforms_at_C(known.row, resistance_Ohm, stress_Pa, known.shift_K_Pa, known.then_C)
+
+
 class TestTransformsAt:
     @pytest.fixture
     def calibration(self):
@@ -514,34 +521,32 @@ class TestTransformsAt:
     def test_it_is_the_heating_wire_s_temperature_and_what_the_heat_capacity_may_be_off(
         self, parameters, calibration, resistance_Ohm, by_balance_C
     ):
-        found_C = Transforms(calibration, parameters).at_C(resistance_Ohm, 1e8)
+        found_C = transforms_C(calibration, parameters, resistance_Ohm, 1e8)
         assert found_C == pytest.approx(20.0 + CAPACITY_WITHIN * (by_balance_C - 20.0))
 
     def test_half_way_between_the_resistances_is_half_way(self, parameters, calibration):
         other = replace(calibration, rest=replace(calibration.rest, cold_resistance=(7.0,)))
-        assert Transforms(other, parameters).at_C(5.5, 1e8) == pytest.approx(20.0 + CAPACITY_WITHIN * 60.0)
+        assert transforms_C(other, parameters, 5.5, 1e8) == pytest.approx(20.0 + CAPACITY_WITHIN * 60.0)
 
     def test_without_the_surroundings_of_then_those_of_the_parameters_are_taken(self, parameters, calibration):
-        found_C = Transforms(replace(calibration, ambient_temperature=math.nan), parameters).at_C(4.0, 1e8)
+        found_C = transforms_C(replace(calibration, ambient_temperature=math.nan), parameters, 4.0, 1e8)
         assert found_C == pytest.approx(24.0 + CAPACITY_WITHIN * 66.0)
 
     @pytest.mark.parametrize("resistance_Ohm", [math.nan])
     def test_without_a_resistance_nobody_knows(self, parameters, calibration, resistance_Ohm):
-        assert Transforms(calibration, parameters).at_C(resistance_Ohm, 1e8) == math.inf
+        assert transforms_C(calibration, parameters, resistance_Ohm, 1e8) == math.inf
 
     def test_nor_without_a_calibration_or_with_one_whose_resistance_tells_nothing(self, parameters, calibration):
-        assert Transforms(Calibration(), parameters).at_C(4.5, 1e8) == math.inf
+        assert transforms_C(Calibration(), parameters, 4.5, 1e8) == math.inf
         for unknown in (
             replace(calibration, power=PowerSection()),
             replace(calibration, rest=replace(calibration.rest, cold_resistance=())),
         ):
-            assert Transforms(unknown, parameters).at_C(4.5, 1e8) == math.inf
+            assert transforms_C(unknown, parameters, 4.5, 1e8) == math.inf
         half = replace(calibration, hot_end=replace(calibration.hot_end, contracted_resistance=()))
-        assert Transforms(half, parameters).at_C(4.5, 1e8) == math.inf
+        assert transforms_C(half, parameters, 4.5, 1e8) == math.inf
         flat = replace(calibration, rest=replace(calibration.rest, cold_resistance=(4.0,)))
-        assert [Transforms(flat, parameters).at_C(resistance_Ohm, 1e8) for resistance_Ohm in (4.0, 4.5)] == 2 * [
-            math.inf
-        ]
+        assert [transforms_C(flat, parameters, resistance_Ohm, 1e8) for resistance_Ohm in (4.0, 4.5)] == 2 * [math.inf]
 
 
 def test_a_wire_that_shows_what_it_loses_is_left_more_power_and_no_more_than_is_safe(parameters):
