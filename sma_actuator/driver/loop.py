@@ -29,6 +29,7 @@ _QUIET_WATCHDOGS = 1.25
 #: The longest wait for a supply that may be on and hears nothing: one that restarts may switch its output on by itself.
 _UNHEARD_WAIT_s = 0.5
 CHECK_PERIOD_s = 0.5  #: how often one of the supply's settings is read back while driving
+_ROUND_s = 3 * CHECK_PERIOD_s  #: from the first of them to the last: however long a step lasted, none is read twice
 
 
 class Recording(Protocol):
@@ -83,7 +84,7 @@ class Loop:
         self._recorder = recorder
         self._feed_timeout_s = feed_timeout_s
         self._waited = Waited()  #: for the instruments, until the last step
-        self._checked_s = -math.inf  #: when a setting of the supply was last looked at
+        self._check_s = -math.inf  #: when the next setting of the supply is looked at
         self._asking_s: collections.deque[tuple[float, float]] = collections.deque(maxlen=_ASKED_STEPS)
 
     def open(self) -> None:
@@ -143,11 +144,16 @@ class Loop:
         return Waited(self.daq.waited_s(), self.supply.waited_s())
 
     def _check_a_setting(self, now_s: float) -> None:
-        """While driving, look now and then whether limits and watchdog still stand, one of them at a time."""
-        if self.supply.late or now_s - self._checked_s < CHECK_PERIOD_s:
+        """While driving, look now and then whether limits and watchdog still stand, one of them at a time.
+
+        By instants that the steps do not shift: counted from the last look, each would come up to a step later.
+        """
+        if not self.output.known.is_on:
+            self._check_s = now_s
             return
-        if self.output.known.is_on:
-            self._checked_s = now_s
+        self._check_s = max(self._check_s, now_s - _ROUND_s)
+        while self._check_s <= now_s and self.supply.answers and not self.supply.late:
+            self._check_s += CHECK_PERIOD_s
             self.supply.ask(self._supply_instrument.check_next_setting)
 
     def _reconnect(self) -> None:

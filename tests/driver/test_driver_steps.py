@@ -295,6 +295,28 @@ class TestTold:
         rig.driver.enable(False)
         assert "check one" not in rig.steps(10)
 
+    @pytest.mark.parametrize("rate_Hz", [1.0, 1.5, 7.0, 20.0])
+    def test_each_of_four_settings_is_looked_at_in_the_time_that_its_fault_promises(self, make, rate_Hz):
+        slow = {"supply.watchdog_timeout": 3.0, "safety.reading_timeout": 3.0, "safety.stuck_time": 60.0}
+        rig = make({"loop.rate": rate_Hz, "loop.samples_per_block": 40, **slow})
+        looked_s = []
+        rig.supply.check_next_setting = lambda: looked_s.append(rig.clock.s)
+        rig.steps(3)
+        assert rig.driver.enable(True)[0]
+        rig.steps(2)
+        rig.daq.takes_s = [0.4 / rate_Hz * (step % 3) for step in range(round(20 * rate_Hz))]
+        rig.steps(len(rig.daq.takes_s))
+        promised_s = FAULTS["limits_not_held"].within(rig.config)
+        late_s = 0.8 / rate_Hz  # the longest that a reading takes here
+        assert len(looked_s) > 30
+        assert max(b - a for a, b in zip(looked_s, looked_s[4:])) <= promised_s + late_s
+
+    def test_a_clock_that_jumps_ahead_has_each_setting_looked_at_once(self, make):
+        rig = make()
+        rig.drive()
+        rig.daq.takes_s = [1e6]
+        assert rig.steps(1).count("check one") == 4
+
     def test_a_setting_that_does_not_hold_is_a_fault_of_that_step(self, make):
         rig = make()
         rig.drive()
