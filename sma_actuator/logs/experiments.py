@@ -15,10 +15,8 @@ from sma_actuator.estimation.chain import Estimates
 from .bench_log import BenchLog, longest_pause_s, require_reference, signals_from_log
 from .cycles import cycle_numbers, is_driven
 from .errors import BenchLogError
-from .sense import MOST_STROKE
+from .sense import MOST_STROKE, counts_pull_as_negative
 
-#: Share of wire.max_stress below zero that is more than the drifted zero of an unloaded cell.
-_ZERO_OFF = 0.02
 NOT_FITTED = ("lead_resistance", "load_cell", "lvdt", "training")
 _WIRE_KEYS = {"length_m": "length", "diameter_m": "diameter"}
 
@@ -117,51 +115,8 @@ def make_experiment(log: BenchLog, config, with_reference: bool = True) -> Exper
     log = _as_the_node_read_it(log, config)
     _not_saturated(log, config)
     signals = signals_from_log(log, config)
-    usual_A = float(np.median(np.nan_to_num(signals.current_A, nan=0.0)))
-    if usual_A < -0.5 * config.supply.bias_current:
-        raise BenchLogError(
-            f"{log.source}: line 2: the current is about {usual_A:.3g} A; of one that is measured the other way round "
-            "say --unit current_A=-A"
-        )
     good = np.isfinite(signals.resistance_Ohm + signals.stress_Pa + signals.power_W)
-    if not good.any():
-        largest_A = float(np.nan_to_num(signals.current_A, nan=0.0).max())
-        raise BenchLogError(
-            f"{log.source}: line 2: no reading has a resistance and a load: the current never exceeds {largest_A:.3g} "
-            f"A, where half of supply.bias_current ({config.supply.bias_current:g} A) is the least to measure "
-            "resistance with, or the load is missing; was the wire never driven, or is circuit.reference_resistance "
-            "of another circuit?"
-        )
-    resistance_Ohm = np.median(signals.resistance_Ohm[good])
-    safety = config.safety
-    if not safety.resistance_min <= resistance_Ohm <= safety.resistance_max:
-        raise BenchLogError(
-            f"{log.source}: line 2: the wire's resistance is about {resistance_Ohm:.3g} Ω, outside "
-            "safety.resistance_min and "
-            f"resistance_max ({safety.resistance_min:g} to {safety.resistance_max:g} Ω); is it the log of another "
-            "wire, or "
-            "circuit.reference_resistance of another circuit?"
-        )
-    stress_Pa = np.median(signals.stress_Pa[good])
-    if not stress_Pa <= 1.5 * config.wire.max_stress:
-        raise BenchLogError(
-            f"{log.source}: line 2: the stress is about {stress_Pa / 1e6:.0f} MPa, beyond wire.max_stress "
-            f"({config.wire.max_stress / 1e6:.0f} MPa); check wire.diameter and the load's unit"
-        )
-    if stress_Pa < -_ZERO_OFF * config.wire.max_stress:
-        raise BenchLogError(
-            f"{log.source}: line 2: the load is about {np.median(signals.load_N[good]):.3g} N, and a wire only pulls; "
-            "of a load cell that counts pull as negative say --unit load_N=-N, or turn load_cell.slope round"
-        )
-    if signals.reference_displacement_m is not None and np.ndim(signals.reference_displacement_m):
-        moved_m = signals.reference_displacement_m[np.isfinite(signals.reference_displacement_m)]
-        stroke_m = float(np.subtract(*np.percentile(moved_m, (99.0, 1.0)))) if len(moved_m) else 0.0
-        if stroke_m > MOST_STROKE * (most_m := config.wire.strain_length_m):
-            raise BenchLogError(
-                f"{log.source}: line 2: the displacement moves by {stroke_m * 1e3:.3g} mm, {stroke_m / most_m:.0%} "
-                f"of strain, and no wire does more than {MOST_STROKE:.0%}; check its unit (--unit displacement_m=mm) "
-                f"and wire.length"
-            )
+    _of_this_wire(log, signals, good, config)
     detector = BranchDetector(config.estimator)
     seen = [np.ascontiguousarray(v[good]) for v in (signals.time_s, signals.resistance_Ohm, signals.power_W)]
     time_s, resistance_Ohm, power_W = (float(v[0]) for v in seen)
@@ -216,6 +171,57 @@ def _same_wire(log: BenchLog, config) -> None:
             f"{log.source}: is a log of another wire: its alloy is {said['alloy']} and wire.alloy is "
             f"{config.wire.alloy}"
         )
+
+
+def _of_this_wire(log: BenchLog, signals: Signals, good: np.ndarray, config) -> None:
+    """Raises BenchLogError where current, resistance, load or displacement are none that this wire could have.
+
+    ``good``: bool, the readings that have a resistance and a load.
+    """
+    usual_A = float(np.median(np.nan_to_num(signals.current_A, nan=0.0)))
+    if usual_A < -0.5 * config.supply.bias_current:
+        raise BenchLogError(
+            f"{log.source}: line 2: the current is about {usual_A:.3g} A; of one that is measured the other way round "
+            "say --unit current_A=-A"
+        )
+    if not good.any():
+        largest_A = float(np.nan_to_num(signals.current_A, nan=0.0).max())
+        raise BenchLogError(
+            f"{log.source}: line 2: no reading has a resistance and a load: the current never exceeds {largest_A:.3g} "
+            f"A, where half of supply.bias_current ({config.supply.bias_current:g} A) is the least to measure "
+            "resistance with, or the load is missing; was the wire never driven, or is circuit.reference_resistance "
+            "of another circuit?"
+        )
+    resistance_Ohm = np.median(signals.resistance_Ohm[good])
+    safety = config.safety
+    if not safety.resistance_min <= resistance_Ohm <= safety.resistance_max:
+        raise BenchLogError(
+            f"{log.source}: line 2: the wire's resistance is about {resistance_Ohm:.3g} Ω, outside "
+            "safety.resistance_min and "
+            f"resistance_max ({safety.resistance_min:g} to {safety.resistance_max:g} Ω); is it the log of another "
+            "wire, or "
+            "circuit.reference_resistance of another circuit?"
+        )
+    stress_Pa = np.median(signals.stress_Pa[good])
+    if not stress_Pa <= 1.5 * config.wire.max_stress:
+        raise BenchLogError(
+            f"{log.source}: line 2: the stress is about {stress_Pa / 1e6:.0f} MPa, beyond wire.max_stress "
+            f"({config.wire.max_stress / 1e6:.0f} MPa); check wire.diameter and the load's unit"
+        )
+    if counts_pull_as_negative(signals.stress_Pa[good], config.wire.max_stress):
+        raise BenchLogError(
+            f"{log.source}: line 2: the load is about {np.median(signals.load_N[good]):.3g} N, and a wire only pulls; "
+            "of a load cell that counts pull as negative say --unit load_N=-N, or turn load_cell.slope round"
+        )
+    if signals.reference_displacement_m is not None and np.ndim(signals.reference_displacement_m):
+        moved_m = signals.reference_displacement_m[np.isfinite(signals.reference_displacement_m)]
+        stroke_m = float(np.subtract(*np.percentile(moved_m, (99.0, 1.0)))) if len(moved_m) else 0.0
+        if stroke_m > MOST_STROKE * (most_m := config.wire.strain_length_m):
+            raise BenchLogError(
+                f"{log.source}: line 2: the displacement moves by {stroke_m * 1e3:.3g} mm, {stroke_m / most_m:.0%} "
+                f"of strain, and no wire does more than {MOST_STROKE:.0%}; check its unit (--unit displacement_m=mm) "
+                f"and wire.length"
+            )
 
 
 def _as_the_node_read_it(log: BenchLog, config) -> BenchLog:

@@ -16,7 +16,7 @@ import numpy as np
 
 from .bench_log import BenchLog, averaged, longest_pause_s, uncalibrated_resistance_and_current
 from .cycles import SAME_LOAD, cycle_numbers, cycles_of, is_driven, which_are_full
-from .sense import log_counts_contraction
+from .sense import counts_pull_as_negative, log_counts_contraction
 
 #: What the requirements ask for.
 SLOWEST_PERIOD_s = 0.051  #: 20 Hz, and a little for a clock that is not exact
@@ -415,7 +415,9 @@ def _moves(values: np.ndarray) -> bool:
 
 
 def _pulls(logs: Sequence[BenchLog], cycles: Sequence[Seen]) -> Finding:
-    pushed = [log.name for log in logs if "load_N" in log and np.nanmedian(log["load_N"]) < 0.0]
+    loads_N = {log.name: log["load_N"] for log in logs if "load_N" in log}
+    most_N = max((abs(float(np.nanmedian(each_N))) for each_N in loads_N.values()), default=0.0)
+    pushed = [name for name, each_N in loads_N.items() if counts_pull_as_negative(each_N, most_N)]
     return Finding(
         "the load pulls",
         f"it is negative in {', '.join(pushed)}" if pushed else "it does",

@@ -1,4 +1,5 @@
-"""What a wire can do: which way a displacement counts (extension is positive here), and how far it may go."""
+"""What a wire can do: which way a displacement counts (extension is positive here), how far it may go, and that it only
+pulls."""
 
 from __future__ import annotations
 
@@ -11,6 +12,7 @@ from .bench_log import BenchLog, uncalibrated_resistance_and_current
 _FOLLOWS = 0.5
 _DRIVEN = 0.02  #: share of the largest current from which the resistance is measured
 _FEWEST = 20  #: samples
+_ZERO_OFF = 0.02  #: share of the largest load, below zero, that is more than the drifted zero of an unloaded cell
 MOST_STROKE = 0.12  #: of a wire's length, more than any does: Ni-Ti transforms by 8 to 9 % at the most
 
 
@@ -32,6 +34,11 @@ def log_counts_contraction(log: BenchLog) -> bool:
     """The same of a log of which no calibration is known."""
     displacement = log["displacement_m"] if "displacement_m" in log else log["lvdt_current_A"]
     return counts_contraction(*uncalibrated_resistance_and_current(log), displacement)
+
+
+def counts_pull_as_negative(pull: np.ndarray, most: float) -> bool:
+    """Whether a load cell counts a wire's pull as negative, shape (n,); ``most``: the largest load, in its unit."""
+    return bool(np.nanmedian(pull) < -_ZERO_OFF * most)
 
 
 def _correlation(a: np.ndarray, b: np.ndarray) -> float:

@@ -176,6 +176,15 @@ def test_a_load_that_pushes_is_turned_round(logs):
     assert not finding.met and finding.remedy.endswith("--unit load_N=-N")
 
 
+@pytest.mark.parametrize(("zero_N", "is_met"), [(-0.01, True), (-0.1, False)])
+def test_the_drifted_zero_of_an_unloaded_cell_is_no_pull_that_counts_as_negative(zero_N, is_met, logs):
+    heaviest, unloaded = logs[0], logs[-1]
+    loads_N = {heaviest.name: 0.98, unloaded.name: zero_N}
+    both = changed([heaviest, unloaded], load_N=lambda log: np.full(len(log), loads_N[log.name]))
+    (finding,) = [f for f in judge(both) if "pulls" in f.requirement]
+    assert finding.met is is_met
+
+
 def test_without_a_witness_nothing_else_is_asked(logs):
     alone = [
         dataclasses.replace(log, columns={k: v for k, v in log.columns.items() if k != "lvdt_current_A"})
