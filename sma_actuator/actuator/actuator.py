@@ -257,16 +257,7 @@ class Actuator:
         if dt_s < 0.0:
             self._reading_s = -inf  # else every reading until the old time would count as old
         reading = supervisor.usable(raw, self._reading_s, now_s)
-        if reading is not None:
-            self._sense(reading)
-        elif supply is not None and not supply.output_on:
-            self._measured.power_W = 0.0  # without either, the current may well flow on
-        signals = self._signals
-        shown_Ohm = signals.resistance_Ohm if reading is not None else nan
-        supervisor.keep_heat(
-            self._measured.power_W, signals.current_A, dt_s, signals.ambient_temperature_C, shown_Ohm, signals.load_N
-        )
-
+        self._keep_heat(reading, supply, dt_s)
         driven = self._commanding.is_driven
         settled = driven and supervisor.settled(now_s)
         longer_m = self._chain.longer_m
@@ -294,22 +285,7 @@ class Actuator:
         self._limit_A = supervisor.limit_A()
         self._following.find_the_ends(longer_m)
         limits: set[Limit] = set()
-        setpoint_m = nan
-        wanted_A = config.supply.bias_current
-        if settled and supervisor.latched is None:
-            self._commanding.advance(now_s)
-            self._following.lose_setpoint(now_s)
-        if self._tuner.running is not None and not self._commanding.is_tuned:
-            self._end_tuning("something else was wanted of the wire")
-        if settled and supervisor.latched is None and estimate_invalid not in faults:
-            seen = Seen(now_s, self._now_s, self._signals, self._estimate, self._told.current_A, self._limit_A)
-            if self._commanding.anew:
-                self._following.begin(seen)
-            if self._commanding.wants_position:
-                setpoint_m, wanted_A = self._following.step(seen, reading is not None and not late, limits)
-        if self._tuner.running is not None and self._tuner.running.ended:
-            self._commanding.stop()
-            self._end_tuning("")
+        setpoint_m, wanted_A = self._wanted(now_s, settled, faults, reading is not None and not late, limits)
         if back := supervisor.let_go(now_s, reading, supply):
             self._said.changed(f"passed {back}")
         command, bent = supervisor.gate(wanted_A, driven, faults, late)
@@ -320,6 +296,44 @@ class Actuator:
         self._told = command
         self._said.show_events(now_s, faults, self._commanding.lost)
         return self._output(faults, limits, setpoint_m, raw)
+
+    def _keep_heat(self, reading: Reading | None, supply: SupplyState | None, dt_s: float) -> None:
+        """Keep the heat balance of this step, with the signals and the estimate of a usable reading."""
+        if reading is not None:
+            self._sense(reading)
+        elif supply is not None and not supply.output_on:
+            self._measured.power_W = 0.0  # without either, the current may well flow on
+        signals = self._signals
+        shown_Ohm = signals.resistance_Ohm if reading is not None else nan
+        self._supervisor.keep_heat(
+            self._measured.power_W, signals.current_A, dt_s, signals.ambient_temperature_C, shown_Ohm, signals.load_N
+        )
+
+    def _wanted(
+        self, now_s: float, settled: bool, faults: dict[Fault, str], is_new: bool, limits: set[Limit]
+    ) -> tuple[float, float]:
+        """Setpoint [m], NaN where there is none, and current asked for [A]; adds to ``limits`` those that are met.
+
+        ``is_new``: whether there is a reading that the law may learn of.
+        """
+        supervisor = self._supervisor
+        setpoint_m = nan
+        wanted_A = self._config.supply.bias_current
+        if settled and supervisor.latched is None:
+            self._commanding.advance(now_s)
+            self._following.lose_setpoint(now_s)
+        if self._tuner.running is not None and not self._commanding.is_tuned:
+            self._end_tuning("something else was wanted of the wire")
+        if settled and supervisor.latched is None and estimate_invalid not in faults:
+            seen = Seen(now_s, self._now_s, self._signals, self._estimate, self._told.current_A, self._limit_A)
+            if self._commanding.anew:
+                self._following.begin(seen)
+            if self._commanding.wants_position:
+                setpoint_m, wanted_A = self._following.step(seen, is_new, limits)
+        if self._tuner.running is not None and self._tuner.running.ended:
+            self._commanding.stop()
+            self._end_tuning("")
+        return setpoint_m, wanted_A
 
     def _output(
         self, faults: dict[Fault, str], limits: set[Limit], setpoint_m: float, reading: Reading | None

@@ -104,6 +104,23 @@ def _in_order(limits: frozenset[Limit]) -> tuple[tuple[Limit, ...], tuple[str, .
     return shown, tuple(limit.name for limit in shown)
 
 
+def _message(
+    words: str, supervisor: Supervisor, faults: dict[Fault, str], limits: tuple[Limit, ...], following: Following
+) -> tuple[Fault | None, str]:
+    """The fault that a status names, and its message, which begins with ``words``: a latched fault, else the gravest
+    that is there, else the limits."""
+    fault = supervisor.latched
+    if fault is not None:
+        return fault, f"off: {words_of_latched(supervisor)}{AFTER_A_LOSS if fault.until_back else AFTER_A_FAULT}"
+    if faults:
+        fault = gravest(faults)
+        return fault, f"{words}: {fault.words} ({faults[fault]})"
+    if not limits:
+        return None, words
+    said = [f"{limit.words} {following.end_in_words}" if limit is SETPOINT_RANGE else limit.words for limit in limits]
+    return None, f"{words}: {', '.join(said)}"
+
+
 def status_of(
     faults: dict[Fault, str],
     limits: set[Limit],
@@ -118,23 +135,13 @@ def status_of(
     now_s: float,
 ) -> Status:
     """The status of a step with these faults and limits."""
-    fault = supervisor.latched
     mode = commanding.mode
     words = _WORDS_OF_MODE[mode._value_]  # a member of an enumeration is a key that takes long to look up
     if tuner.running is not None:
         words += f" ({tuner.words})"
     words += in_words(commanding.begins_in_s(now_s))
-    if fault is not None:
-        words = f"off: {words_of_latched(supervisor)}{AFTER_A_LOSS if fault.until_back else AFTER_A_FAULT}"
-    elif faults:
-        fault = gravest(faults)
-        words = f"{words}: {fault.words} ({faults[fault]})"
     shown, names = _in_order(frozenset(limits))
-    if fault is None and shown:
-        said = [
-            f"{limit.words} {following.end_in_words}" if limit is SETPOINT_RANGE else limit.words for limit in shown
-        ]
-        words = f"{words}: {', '.join(said)}"
+    fault, message = _message(words, supervisor, faults, shown, following)
     heat = supervisor.heat
     # With the mode "off" no position is said, though the last reading may be of before the output went off:
     # this status stands for a while, and the wire moves.
@@ -143,7 +150,7 @@ def status_of(
         mode=mode,
         fault=fault.name if fault is not None else "",
         limits=names,
-        message=words,
+        message=message,
         values={
             "displacement_m": estimate.displacement_m if known else nan,
             "uncertainty_m": estimate.uncertainty_m if known else nan,
