@@ -96,7 +96,6 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
     Raises ConfigError for loads the wire must not carry, a current that would overheat it, or a sensor that is missing.
     """
     _measurable(config, options)
-    wire, thermal = config.wire, config.thermal
     driven_N = _driven_N(config)
     loads_N = options.loads_N or _loads_N(STRESSES_Pa, config)
     masses_kg = options.masses_kg or _masses_kg(driven_N)
@@ -113,13 +112,67 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
             )
     if options.follow:
         return _second_round(config, options)
+    pulse = _pulse(config, options)
+    parts = _of_the_bench(options, masses_kg)
+    if options.training_cycles:
+        trained = {"load_N": max(loads_N), "cycles": options.training_cycles, **pulse.drive, **pulse.most}
+        parts.append(Part("training", "training", trained, TYPICAL_CYCLES * pulse.cycle_s))
+    for label, load in _loads(loads_N, options.springs_N_m):
+        parts += _under(label, load, options, pulse)
+    middle = {"load_N": loads_N[len(loads_N) // 2], **pulse.drive}
+    parts += _cycled(MANY, options.fatigue_cycles, 25, middle, pulse.cycle_s)
+    return _with_displacement(config, [part for part in parts if part.kind not in options.skip])
+
+
+@dataclass(frozen=True, slots=True)
+class _Pulse:
+    """How the wire is heated and cools."""
+
+    heat_A: float
+    most_A: float  #: where the wire still contracts further
+    heat_s: float
+    cool_s: float
+    ramp_s: float  #: in which the current rises first; 0: at once
+
+    @property
+    def cycle_s(self) -> float:
+        """How long one takes, without a ramp."""
+        return self.heat_s + self.cool_s
+
+    @property
+    def at_rest_s(self) -> float:
+        """How long it is heated after a ramp: a wire that contracts only at the end of one is seen at rest for that
+        share of all the time that it was driven."""
+        return max(self.heat_s, math.ceil(HOT_PART / (1.0 - HOT_PART) * self.ramp_s))
+
+    @property
+    def drive(self) -> dict[str, float]:
+        """The parameters of a part that pulses at once."""
+        return {"heat_current_A": round(self.heat_A, 4), "heat_s": self.heat_s, "cool_s": self.cool_s}
+
+    @property
+    def ramped(self) -> dict[str, float]:
+        """What a part that may ramp has otherwise."""
+        return {"ramp_s": round(self.ramp_s, 3), "heat_s": self.at_rest_s} if self.ramp_s else {}
+
+    @property
+    def most(self) -> dict[str, float]:
+        """What a part has beside that in which the current may rise."""
+        return {"most_current_A": round(self.most_A, 4)}
+
+
+def _pulse(config, options: PlanOptions) -> _Pulse:
+    """The pulse of a plan.  Raises ConfigError for a current that the supply does not give or the wire does not
+    survive."""
+    thermal = config.thermal
     time_constant_s = thermal.heat_capacity / thermal.heat_loss
     ramp_s = RAMP_READINGS / config.loop.rate if time_constant_s * config.loop.rate < QUICK_READINGS else 0.0
     heat_A = options.heat_current_A or default_heat_current_A(config)
     if ramp_s and not options.heat_current_A:
         heat_A = min(heat_A, unguarded_current_A(config))
-    resistance_Ohm = typical_resistance_Ohm(wire)
-    hottest_C = thermal.ambient_temperature + held_rise_K(heat_A, resistance_Ohm, thermal.heat_loss)
+    hottest_C = thermal.ambient_temperature + held_rise_K(
+        heat_A, typical_resistance_Ohm(config.wire), thermal.heat_loss
+    )
     if not config.supply.bias_current < heat_A <= config.supply.max_current:
         raise ConfigError(
             f"heat current: {heat_A:g} A is not between supply.bias_current and supply.max_current, "
@@ -129,67 +182,59 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
         raise ConfigError(
             f"heat current: {heat_A:g} A would bring the wire to {hottest_C:.0f} °C, above thermal.max_temperature"
         )
-    most_A = options.heat_current_A or max(heat_A, largest_heat_current_A(config))
-    heat_s = options.heat_s or math.ceil(3.0 * time_constant_s)
-    cool_s = options.cool_s or math.ceil(6.0 * time_constant_s)
-    pulse = {"heat_current_A": round(heat_A, 4), "heat_s": heat_s, "cool_s": cool_s}
-    cycle_s = heat_s + cool_s
-    trained = {
-        "load_N": max(loads_N),
-        "cycles": options.training_cycles,
-        **pulse,
-        "most_current_A": round(most_A, 4),
-    }
-    # A wire that contracts only at the end of a ramp is seen at rest for that share of all the time that it was driven.
-    at_rest_s = max(heat_s, math.ceil(HOT_PART / (1.0 - HOT_PART) * ramp_s))
-    ramped = {"ramp_s": round(ramp_s, 3), "heat_s": at_rest_s} if ramp_s else {}
-    moves = len(every_ordered_pair(options.set_points)) - 1
-    parts = [
-        Part("lead_resistance", "lead_resistance", {"average_s": options.average_s}, options.average_s),
-        Part(
-            "load_cell",
-            "load_cell",
-            {"forces_N": [round(m * GRAVITY_m_s2, 6) for m in masses_kg], "average_s": options.average_s},
-            len(masses_kg) * options.average_s,
-        ),
-        Part(
-            "lvdt",
-            "lvdt",
-            {"places": options.probe_places, "average_s": options.average_s},
-            options.probe_places * options.average_s,
-        ),
-        *([Part("training", "training", trained, TYPICAL_CYCLES * cycle_s)] if options.training_cycles else []),
+    return _Pulse(
+        heat_A=heat_A,
+        most_A=options.heat_current_A or max(heat_A, largest_heat_current_A(config)),
+        heat_s=options.heat_s or math.ceil(3.0 * time_constant_s),
+        cool_s=options.cool_s or math.ceil(6.0 * time_constant_s),
+        ramp_s=ramp_s,
+    )
+
+
+def _of_the_bench(options: PlanOptions, masses_kg: Sequence[float]) -> list[Part]:
+    """What is measured of the bench, before the wire is."""
+    average_s, places = options.average_s, options.probe_places
+    forces_N = [round(m * GRAVITY_m_s2, 6) for m in masses_kg]
+    return [
+        Part("lead_resistance", "lead_resistance", {"average_s": average_s}, average_s),
+        Part("load_cell", "load_cell", {"forces_N": forces_N, "average_s": average_s}, len(masses_kg) * average_s),
+        Part("lvdt", "lvdt", {"places": places, "average_s": average_s}, places * average_s),
     ]
+
+
+def _loads(loads_N: Sequence[float], springs_N_m: Sequence[tuple[float, float]]) -> list[tuple[str, dict[str, float]]]:
+    """Weights and springs (stiffness, preload): their names, and the parameters of a part under them."""
     named = [(_name(load_N), {"load_N": load_N}) for load_N in loads_N]
-    named += [(f"spring_{k:g}N_m_{p:g}N", {"stiffness_N_m": k, "preload_N": p}) for k, p in options.springs_N_m]
-    for label, load in named:
+    return named + [(f"spring_{k:g}N_m_{p:g}N", {"stiffness_N_m": k, "preload_N": p}) for k, p in springs_N_m]
+
+
+def _under(label: str, load: Mapping[str, float], options: PlanOptions, pulse: _Pulse) -> list[Part]:
+    """What is measured under a load."""
+    full, moves = f"{FULL}_{label}", len(every_ordered_pair(options.set_points)) - 1
+    parts = [
+        Part(
+            full,
+            FULL,
+            {**load, "cycles": options.pulses, **pulse.drive, **pulse.ramped, **pulse.most},
+            options.pulses * (pulse.at_rest_s + pulse.cool_s + pulse.ramp_s),
+        ),
+        Part(
+            f"{PARTIAL}_{label}",
+            PARTIAL,
+            {**load, "set_points": options.set_points, "after": full, **pulse.drive},
+            moves * 2.0 + pulse.cool_s,
+        ),
+    ]
+    if options.levels:
         parts.append(
             Part(
-                f"{FULL}_{label}",
-                FULL,
-                {**load, "cycles": options.pulses, **pulse, **ramped, "most_current_A": round(most_A, 4)},
-                options.pulses * (at_rest_s + cool_s + ramp_s),
+                f"{LEVELS}_{label}",
+                LEVELS,
+                {**load, "levels": options.levels, "after": full, **pulse.drive},
+                0.75 * pulse.heat_s * len(every_ordered_pair(options.levels)) + pulse.cool_s,
             )
         )
-        parts.append(
-            Part(
-                f"{PARTIAL}_{label}",
-                PARTIAL,
-                {**load, "set_points": options.set_points, "after": f"{FULL}_{label}", **pulse},
-                moves * 2.0 + cool_s,
-            )
-        )
-        if options.levels:
-            parts.append(
-                Part(
-                    f"{LEVELS}_{label}",
-                    LEVELS,
-                    {**load, "levels": options.levels, "after": f"{FULL}_{label}", **pulse},
-                    0.75 * heat_s * len(every_ordered_pair(options.levels)) + cool_s,
-                )
-            )
-    parts += _cycled(MANY, options.fatigue_cycles, 25, {"load_N": loads_N[len(loads_N) // 2], **pulse}, cycle_s)
-    return _with_displacement(config, [part for part in parts if part.kind not in options.skip])
+    return parts
 
 
 def _second_round(config, options: PlanOptions) -> list[Part]:
@@ -202,8 +247,6 @@ def _second_round(config, options: PlanOptions) -> list[Part]:
     stiffness_N_m = round(stiffness_N_m, max(1, _decimals(stiffness_N_m)))
     followed_N = _loads_N(FOLLOWED_Pa, config)
     loads_N, springs = options.loads_N or followed_N, options.springs_N_m or ((stiffness_N_m, followed_N[0]),)
-    loads: list[tuple[str, dict[str, Any]]] = [(_name(load_N), {"load_N": load_N}) for load_N in loads_N]
-    loads += [(f"spring_{k:g}N_m_{p:g}N", {"stiffness_N_m": k, "preload_N": p}) for k, p in springs]
     parts = [
         Part(
             f"{FOLLOWED}_{label}",
@@ -217,7 +260,7 @@ def _second_round(config, options: PlanOptions) -> list[Part]:
             },
             dwell_s * (1 + positions + math.ceil(positions / FROM_COLD)) + 4.0 * period_s,
         )
-        for number, (label, load) in enumerate(loads)
+        for number, (label, load) in enumerate(_loads(loads_N, springs))
     ]
     return _with_displacement(config, parts)
 
