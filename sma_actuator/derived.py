@@ -85,6 +85,21 @@ def derived(mapping: Mapping[str, Any]) -> dict[str, Derived]:
         out[name] = Derived(value, why)
         return given(name, value)
 
+    capacity, loss, still = _settle_heat(wire, given, settle)
+    _settle_supply(wire, min(loss, still), given, settle)
+    lag_s = settle(
+        "estimator.thermal_time_constant",
+        _digits(LATENT * capacity / loss, 2),
+        f"{LATENT:g} · heat_capacity / heat_loss: latent heat makes the wire slower; identify measures it",
+    )
+    readings = _settle_rate(capacity / loss, given, settle)
+    _settle_gains(wire, given("supply.max_current", out["supply.max_current"].value), lag_s, readings, settle)
+    _settle_bounds(wire, settle)
+    return out
+
+
+def _settle_heat(wire: Wire, given: Any, settle: Any) -> tuple[float, float, float]:
+    """Heat capacity [J/K], loss and that to still air [W/K], and how far the loss may be off."""
     capacity = settle(
         "thermal.heat_capacity",
         _digits(DENSITY_kg_m3 * SPECIFIC_HEAT_J_kgK[wire.alloy] * wire.volume_m3, 3),
@@ -113,46 +128,7 @@ def derived(mapping: Mapping[str, Any]) -> dict[str, Derived]:
             "without a watchdog the current of a dead computer flows on: a wire that loses what is known, within "
             f"{CAPACITY_WITHIN:g}{beyond}, stays below max_temperature; 3: also one that is covered up then",
         )
-    _settle_supply(wire, min(loss, still), given, settle)
-    lag_s = settle(
-        "estimator.thermal_time_constant",
-        _digits(LATENT * capacity / loss, 2),
-        f"{LATENT:g} · heat_capacity / heat_loss: latent heat makes the wire slower; identify measures it",
-    )
-    readings = _settle_rate(capacity / loss, given, settle)
-    _settle_gains(wire, given("supply.max_current", out["supply.max_current"].value), lag_s, readings, settle)
-    least_Ohm, largest_Ohm = (wire.resistance_Ohm(r) for r in (LEAST_RESISTIVITY_Ohm_m, LARGEST_RESISTIVITY_Ohm_m))
-    settle(
-        "safety.resistance_min",
-        _digits(0.4 * least_Ohm, 2),
-        f"well below the {least_Ohm:.3g} Ω of {LEAST_RESISTIVITY_Ohm_m * 1e6:g} µΩ m",
-    )
-    settle(
-        "safety.resistance_max",
-        _digits(2.5 * largest_Ohm, 2),
-        f"well above the {largest_Ohm:.3g} Ω of {LARGEST_RESISTIVITY_Ohm_m * 1e6:g} µΩ m",
-    )
-    strongest_N = wire.max_stress * wire.area_m2
-    settle("safety.load_spike", _digits(0.5 * strongest_N, 2), f"half of {strongest_N:.3g} N, which is max_stress")
-    if wire.form != "wire":
-        settle(
-            "wire.max_stress",
-            wire.max_stress,
-            f"a load of {strongest_N:.3g} N{_shear(wire, wire.max_stress * 1e-6, ' MPa')}",
-        )
-        strain = f"{wire.full_stroke_strain:.1%} of strain{_shear(wire, wire.full_stroke_strain * 300.0, ' %')}"
-        settle(
-            "controller.setpoint_rate_limit",
-            _digits(2.5 * wire.full_stroke_m, 2),
-            "two and a half full strokes a second",
-        )
-        settle("wire.full_stroke", _digits(wire.full_stroke_m, 3), strain)
-    return out
-
-
-def _shear(wire: Wire, value: float, unit: str) -> str:
-    """What a stress or strain of tension is as shear, where the wire is twisted: τ = σ/√3, γ = √3 ε."""
-    return f", {value / math.sqrt(3.0):.3g}{unit} as shear at the surface" if wire.form == "coil" else ""
+    return capacity, loss, still
 
 
 def _settle_supply(wire: Wire, loss_W_K: float, given: Any, settle: Any) -> None:
@@ -241,6 +217,42 @@ def _settle_gains(wire: Wire, most_A: float, lag_s: float, readings: float, sett
         _digits(4.0 * kp / lag_s, 2),
         "kp over a quarter of the lag of the temperature, which it makes up for",
     )
+
+
+def _settle_bounds(wire: Wire, settle: Any) -> None:
+    """Between which resistances the wire is one, what load comes at once, and of a coil or a bundle what it is of its
+    wires."""
+    least_Ohm, largest_Ohm = (wire.resistance_Ohm(r) for r in (LEAST_RESISTIVITY_Ohm_m, LARGEST_RESISTIVITY_Ohm_m))
+    settle(
+        "safety.resistance_min",
+        _digits(0.4 * least_Ohm, 2),
+        f"well below the {least_Ohm:.3g} Ω of {LEAST_RESISTIVITY_Ohm_m * 1e6:g} µΩ m",
+    )
+    settle(
+        "safety.resistance_max",
+        _digits(2.5 * largest_Ohm, 2),
+        f"well above the {largest_Ohm:.3g} Ω of {LARGEST_RESISTIVITY_Ohm_m * 1e6:g} µΩ m",
+    )
+    strongest_N = wire.max_stress * wire.area_m2
+    settle("safety.load_spike", _digits(0.5 * strongest_N, 2), f"half of {strongest_N:.3g} N, which is max_stress")
+    if wire.form != "wire":
+        settle(
+            "wire.max_stress",
+            wire.max_stress,
+            f"a load of {strongest_N:.3g} N{_shear(wire, wire.max_stress * 1e-6, ' MPa')}",
+        )
+        strain = f"{wire.full_stroke_strain:.1%} of strain{_shear(wire, wire.full_stroke_strain * 300.0, ' %')}"
+        settle(
+            "controller.setpoint_rate_limit",
+            _digits(2.5 * wire.full_stroke_m, 2),
+            "two and a half full strokes a second",
+        )
+        settle("wire.full_stroke", _digits(wire.full_stroke_m, 3), strain)
+
+
+def _shear(wire: Wire, value: float, unit: str) -> str:
+    """What a stress or strain of tension is as shear, where the wire is twisted: τ = σ/√3, γ = √3 ε."""
+    return f", {value / math.sqrt(3.0):.3g}{unit} as shear at the surface" if wire.form == "coil" else ""
 
 
 def without_derived(mapping: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
