@@ -16,11 +16,8 @@ from typing import Any
 import numpy as np
 
 from sma_actuator.base.one_thread import one_thread
-from sma_actuator.base.parameters import to_mapping
-from sma_actuator.calibration.learning import calibration_of
-from sma_actuator.config import Config
 from sma_actuator.estimation.effects import EFFECTS
-from sma_actuator.identify.identification import Identification, foreign_loads_N, within_what_is_seen
+from sma_actuator.identify.identification import Identification, calibrated, foreign_loads_N
 from sma_actuator.identify.verdict import judge
 from sma_actuator.identify.verdict.errors import LogError, log_error
 from sma_actuator.identify.verdict.unseen import Unseen
@@ -89,10 +86,7 @@ def extend(result: Identification, jobs: int = 2, progress: Progress = lambda fr
         "effects were not fitted on",
     )
     mapping = _with_effects(result.mapping, final, sentences[0])
-    notes = [*result.notes, *within_what_is_seen(mapping, result.experiments)]
-    config = Config.for_tools(mapping)
-    mapping["calibration"] = to_mapping(calibration_of(result.experiments, config))
-    config = Config.for_tools(mapping)
+    config, known = calibrated(mapping, result.experiments)
     range_m = config.model.build(config.wire).displacement_range_m
     verdict = judge(
         judged.unseen(evidence),
@@ -105,7 +99,9 @@ def extend(result: Identification, jobs: int = 2, progress: Progress = lambda fr
         foreign_loads_N=foreign_loads_N(result.experiments, config),
     )
     errors = _errors(evidence, final, range_m)
-    extended = dataclasses.replace(result, mapping=mapping, config=config, notes=notes, verdict=verdict, errors=errors)
+    extended = dataclasses.replace(
+        result, mapping=mapping, config=config, notes=[*result.notes, *known], verdict=verdict, errors=errors
+    )
     return Extended(extended, names, sentences, float(judged.before.mean()), float(judged.after.mean()))
 
 

@@ -14,7 +14,7 @@ from sma_actuator.base.one_thread import one_thread
 from sma_actuator.base.parameters import ConfigError, to_mapping
 from sma_actuator.calibration.learning import calibration_of
 from sma_actuator.calibration.training import words_of
-from sma_actuator.config import Config, bench_from_mapping
+from sma_actuator.config import BenchConfig, Config, bench_from_mapping
 from sma_actuator.derived import Derived, derived, with_derived, without_derived
 from sma_actuator.estimation.chain import stresses_inside_Pa
 from sma_actuator.estimation.models.thesis import wrong_alloy
@@ -97,6 +97,66 @@ def identify(
     Ni-Ti-Cu model.  Raises IdentificationError naming what the logs lack, BenchLogError, ConfigError.
     """
     fitter = _fitter(model_type, method)
+    notes: list[str] = []
+    ready = _ready(logs, config_mapping, model_type, fitter, notes)
+    mapping, bench, experiments = ready.mapping, ready.bench, ready.experiments
+    fitted = fitter.fit(experiments, bench, Asked(method, variant, order, progress))
+    notes += ready.at_odds + list(fitted.notes)
+    reasons = ready.reasons | _follow_anew(mapping, ready.follows)
+    mapping["model"] = {"type": model_type, **to_mapping(fitted.coefficients)}
+    config, known = calibrated(mapping, experiments, at_rest=not fitter.any_size)
+    notes += known
+    if config.calibration.training.changed:
+        notes.append(words_of(config.calibration.training.changed, bench.wire.full_stroke_m))
+    model = config.model.build(bench.wire)
+    full_stroke_m, unseen = bench.wire.full_stroke_m, fitted.unseen
+    seen_too = unseen is None or any(STATIC in t.log.metadata for t in experiments)
+    if unseen is None:
+        unseen = unseen_of(experiments, predict(model, experiments), full_stroke_m)
+    fatigue = fit_fatigue(ready.fatigued) if ready.fatigued else None
+    return Identification(
+        mapping=mapping,
+        config=config,
+        intervals={name: _interval(draws) for name, draws in fitted.samples.items()},
+        errors=log_errors(model, experiments, model.displacement_range_m, bench.wire.full_stroke_m),
+        fit=fitted.how,
+        experiments=tuple(experiments),
+        fatigue=fatigue,
+        notes=notes + _said_of_cycles(experiments),
+        reasons=reasons,
+        verdict=judge(
+            unseen,
+            experiments,
+            model.displacement_range_m,
+            full_stroke_m,
+            model_type=model_type,
+            seen_too=seen_too,
+            bounds=fitted.bounds,
+            foreign_loads_N=foreign_loads_N(experiments, config),
+        ),
+        bounds=fitted.bounds,
+        beside=fitted.beside,
+        rather=fitted.rather,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Ready:
+    """Logs and bench as a model is fitted on them."""
+
+    mapping: dict[str, Any]  #: the bench's parameters, without a model
+    bench: BenchConfig  #: the same, checked
+    experiments: list[Experiment]
+    fatigued: list[Experiment]  #: of many cycles, which are not fitted
+    follows: list[str]  #: names of parameters that follow from others, and are to once more
+    reasons: dict[str, str]  #: of parameters that the logs told, by dotted name
+    at_odds: list[str]  #: a sentence for each that is given and far from what they tell
+
+
+def _ready(
+    logs: Sequence[BenchLog], config_mapping: Mapping[str, Any], model_type: str, fitter: Fitter, notes: list[str]
+) -> _Ready:
+    """What is fitted, with what the logs tell of the bench; adds to ``notes`` what of them was left out."""
     logs = [averaged(log) for log in logs]
     mapping, follows = without_derived(config_mapping)
     for stale in ("effects", "calibration", "model"):
@@ -108,7 +168,6 @@ def identify(
     if "bias_current" not in mapping.get("supply", {}) and math.isfinite(lowest_A := lowest_current_A(logs, bench)):
         mapping.setdefault("supply", {})["bias_current"] = lowest_A
         bench = bench_from_mapping(with_derived(mapping))
-    notes: list[str] = []
     if not fitter.any_size:
         logs = usable_logs(logs, bench, notes.append)
     everything = (
@@ -125,60 +184,36 @@ def identify(
             everything = without_misjudged(make_experiments(logs, bench, fitter.remembers))
     fatigued = [t for t in everything if t.kind == MANY]
     experiments = [t for t in everything if t.kind != MANY]
-    fitted = fitter.fit(experiments, bench, Asked(method, variant, order, progress))
-    notes += at_odds + list(fitted.notes)
-    reasons |= _follow_anew(mapping, follows)
-    mapping["model"] = {"type": model_type, **to_mapping(fitted.coefficients)}
-    config = Config.for_tools(mapping)
-    notes += within_what_is_seen(mapping, experiments)
-    config = Config.for_tools(mapping)
-    mapping["calibration"] = to_mapping(calibration_of(experiments, config, at_rest=not fitter.any_size))
-    config = Config.for_tools(mapping)
-    if config.calibration.training.changed:
-        notes.append(words_of(config.calibration.training.changed, bench.wire.full_stroke_m))
-    model = config.model.build(bench.wire)
-    full_stroke_m, unseen = bench.wire.full_stroke_m, fitted.unseen
-    seen_too = unseen is None or any(STATIC in t.log.metadata for t in experiments)
-    if unseen is None:
-        unseen = unseen_of(experiments, predict(model, experiments), full_stroke_m)
-    fatigue = None
-    if fatigued:
-        fatigue = fit_fatigue(fatigued)
+    return _Ready(mapping, bench, experiments, fatigued, follows, reasons, at_odds)
+
+
+def calibrated(
+    mapping: dict[str, Any], experiments: Sequence[Experiment], at_rest: bool = True
+) -> tuple[Config, list[str]]:
+    """Put into ``mapping`` what its model looks like on its own logs, and end its working range where the model sees
+    the wire end; the whole, checked, and what the user should know of that.
+
+    ``at_rest``: see :func:`calibration_of`.
+    """
+    notes = _within_what_is_seen(mapping, experiments)
+    mapping["calibration"] = to_mapping(calibration_of(experiments, Config.for_tools(mapping), at_rest))
+    return Config.for_tools(mapping), notes
+
+
+def _said_of_cycles(experiments: Sequence[Experiment]) -> list[str]:
+    """What the user should know of how the logs' cycles counted."""
+    out = []
     if not any(t.kind == PARTIAL for t in experiments):
-        notes.append(
+        out.append(
             "all logs count as full cycles, since in most of them the wire rests at both ends and none of that load "
             "goes further: minor loops, and with them the transition, rest on these alone"
         )
-    notes += [
+    return out + [
         f"{t.name}: fitted on {t.cycle[-1]} of its {t.cycle[-1] + t.log.metadata[LEFT_OUT]} full cycles, which repeat "
         f"each other"
         for t in experiments
         if LEFT_OUT in t.log.metadata
     ]
-    return Identification(
-        mapping=mapping,
-        config=config,
-        intervals={name: _interval(draws) for name, draws in fitted.samples.items()},
-        errors=log_errors(model, experiments, model.displacement_range_m, bench.wire.full_stroke_m),
-        fit=fitted.how,
-        experiments=tuple(experiments),
-        fatigue=fatigue,
-        notes=notes,
-        reasons=reasons,
-        verdict=judge(
-            unseen,
-            experiments,
-            model.displacement_range_m,
-            full_stroke_m,
-            model_type=model_type,
-            seen_too=seen_too,
-            bounds=fitted.bounds,
-            foreign_loads_N=foreign_loads_N(experiments, config),
-        ),
-        bounds=fitted.bounds,
-        beside=fitted.beside,
-        rather=fitted.rather,
-    )
 
 
 def foreign_loads_N(experiments: Sequence[Experiment], config: Config) -> tuple[float, float] | None:
@@ -210,7 +245,7 @@ def _refuse_contraction(experiments: Sequence[Experiment]) -> None:
     )
 
 
-def within_what_is_seen(mapping: dict[str, Any], experiments: Sequence[Experiment]) -> list[str]:
+def _within_what_is_seen(mapping: dict[str, Any], experiments: Sequence[Experiment]) -> list[str]:
     """End the working range of ``mapping`` where the model sees the wire end; returns what the user should know."""
     if "displacement_range" not in mapping["model"]:
         return []
