@@ -12,6 +12,7 @@ from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.share import shared_file
 from sma_actuator.base.signals import Branch, Command, Mode
 from sma_actuator.config import Config
+from sma_actuator.control.law import LawError
 from sma_actuator.estimation.chain import ESTIMATOR_RESET
 from sma_actuator.plant.loads import Weight
 
@@ -43,6 +44,26 @@ class TestAStepThatFails:
         assert output.command == OFF
         assert output.status.fault == "unhandled_exception"
         assert output.status.values["current_limit_A"] == 0.0
+
+    @pytest.mark.parametrize("leaves", [SystemExit(3), RuntimeError("worn")], ids=repr)
+    def test_a_law_that_is_left_by_whatever_is_named_and_its_gains_are_not_taken_over(self, rig, leaves, monkeypatch):
+        def leave(*_):
+            raise leaves
+
+        rig.enable()
+        rig.track()
+        law = type(rig.actuator._following.controller)
+        said = f"control law 'pid': {type(leaves).__name__}: {leaves}"
+        monkeypatch.setattr(law, "set_gains", leave)
+        with pytest.raises(LawError, match=f"^{said}$"):
+            rig.actuator.update(rig.config.replace({"controller.setpoint_rate_limit": 0.02}))
+        rig.step()
+        assert rig.output.events == (), "nothing was changed"
+        assert rig.output.command.output_on
+        monkeypatch.setattr(law, "step", leave)
+        assert rig.step().command == OFF
+        assert (rig.status.mode, rig.status.fault) == (Mode.OFF, "unhandled_exception")
+        assert f"LawError: {said}" in rig.status.message
 
 
 def test_a_first_step_in_which_nobody_answers_is_no_failure(config):

@@ -216,14 +216,15 @@ class Actuator:
     def update(self, config: Config) -> None:
         """Take over live parameters, without a jump of the current.
 
-        Raises ConfigError where a parameter differs that is not live; nothing is taken over then.
+        Raises ConfigError where a parameter differs that is not live, and LawError; nothing is taken over then.
         """
-        self._said.changed(*live_changes(self._config, config))
+        changes = live_changes(self._config, config)
         if config.controller != self._config.controller:
+            self._following.set_gains(config.controller)
             if self._tuner.running is not None:
                 self._commanding.stop()
                 self._end_tuning("the parameters of the controller were changed")
-            self._following.controller.set_gains(config.controller)
+        self._said.changed(*changes)
         self._config = config
         self._offered.config = config
         self._following.update(config)

@@ -3,13 +3,15 @@ wire."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import isnan, nan
+from typing import Any
 
 from sma_actuator.base.record import record
 from sma_actuator.base.signals import Estimate, Mode, Signals
 from sma_actuator.config import Config
 from sma_actuator.control.commanding import Commanding
-from sma_actuator.control.law import ControlLaw, SensingLaw
+from sma_actuator.control.law import CONTROL_LAWS, ControlLaw, ControllerParameters, LawError, SensingLaw
 from sma_actuator.control.tuning import Sample
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.estimation.ends import Ends
@@ -69,16 +71,20 @@ class Following:
         self._reach = Reach(config.wire.full_stroke_m, config.thermal.balance)
         self._controlled_s = nan  #: when the law was last stepped
 
+    def set_gains(self, gains: ControllerParameters) -> None:
+        """Give the law its live parameters."""
+        self._asked(self.controller.set_gains, gains)
+
     def update(self, config: Config) -> None:
         """Take over live parameters; those of the law itself it has been given."""
         self.config = config
         if self._sensing is not None:
-            self._sensing.update(config)
+            self._asked(self._sensing.update, config)
 
     def sense(self, signals: Signals, estimate: Estimate, dt_s: float) -> None:
         """Take note of a reading, whether the wire is driven or not."""
         if self._sensing is not None:
-            self._sensing.sense(signals, estimate)
+            self._asked(self._sensing.sense, signals, estimate)
         self._ends.step(signals.stress_Pa, dt_s)
 
     def find_the_ends(self, longer_m: float) -> None:
@@ -97,7 +103,7 @@ class Following:
         current_A = max(seen.told_A, self.config.supply.bias_current)
         # What flows in a relay test holds the wire nowhere.
         resting_A = self._tuner.take_resting_A()
-        self.controller.reset(position_m, current_A if isnan(resting_A) else min(current_A, resting_A))
+        self._asked(self.controller.reset, position_m, current_A if isnan(resting_A) else min(current_A, resting_A))
 
     def step(self, seen: Seen, is_new: bool, limits: set[Limit]) -> tuple[float, float]:
         """Setpoint [m] and current asked for [A]; without a new estimate, the current asked for last.
@@ -174,7 +180,7 @@ class Following:
             self._controlled_s = seen.time_s
             position_m, limit_A = seen.estimate.displacement_m, seen.limit_A
             if tuning is None:
-                wanted_A = controller.step(position_m, setpoint_m, dt_s, limit_A)
+                wanted_A = self._asked(controller.step, position_m, setpoint_m, dt_s, limit_A)
             else:
                 sample = Sample(seen.time_s, position_m, seen.told_A, self._supervisor.heat.temperature_C)
                 wanted_A = tuning.step(sample, setpoint_m, dt_s, limit_A)
@@ -187,3 +193,11 @@ class Following:
         if controller.at_bias:
             limits.add(CURRENT_BIAS)
         return wanted_A
+
+    def _asked(self, method: Callable[..., Any], *arguments: Any) -> Any:
+        """What the law answers.  Raises LawError, whatever it raises."""
+        try:
+            return method(*arguments)
+        except (Exception, SystemExit) as error:  # it may be somebody else's
+            name = CONTROL_LAWS.name_of(type(self.config.controller))
+            raise LawError(f"control law '{name}': {type(error).__name__}: {error}") from error

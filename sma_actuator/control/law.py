@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 from sma_actuator.base.calibration import Calibration
+from sma_actuator.base.errors import UserError
 from sma_actuator.base.parameters import parameter
 from sma_actuator.base.registry import Registry
 from sma_actuator.base.sections import SupplyParameters, ThermalParameters, Wire
@@ -76,6 +77,10 @@ class ControllerParameters:
     def mismatches(self, sections: LawSections) -> list[str]:
         """Why this law cannot drive that wire."""
         return []
+
+
+class LawError(UserError):
+    """A control law that cannot do what it is for.  The sentence names it."""
 
 
 class ControlLaw(Protocol):

@@ -32,6 +32,7 @@ from rclpy.signals import SignalHandlerOptions
 from sma_actuator.base.commands import NODE_NAME, NODES_NAMES, is_node_name
 from sma_actuator.base.interrupts import noted_signals
 from sma_actuator.base.parameters import ConfigError
+from sma_actuator.base.plug_ins import PlugInError
 from sma_actuator.base.streams import keep_standard_streams, unblockable_streams
 
 from . import arguments as ros_arguments
@@ -84,6 +85,8 @@ def main(arguments: list[str] | None = None) -> int:
                 time.sleep(SIGNAL_INTERVAL_s)  # a signal does not end a sleep; it need not, it is short
         except ConfigError as error:
             fatal += error.problems
+        except PlugInError as error:
+            fatal += str(error).splitlines()
         except NameValidationException as error:  # of a node that ROS 2 renames
             fatal.append(f"--ros-args: {str(error).splitlines()[0]} {NODES_NAMES}")
         finally:
