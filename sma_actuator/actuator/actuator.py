@@ -220,10 +220,10 @@ class Actuator:
         """
         changes = live_changes(self._config, config)
         if config.controller != self._config.controller:
-            self._following.set_gains(config.controller)
             if self._tuner.running is not None:
                 self._commanding.stop()
                 self._end_tuning("the parameters of the controller were changed")
+            self._following.set_gains(config.controller)
         self._said.changed(*changes)
         self._config = config
         self._offered.config = config
