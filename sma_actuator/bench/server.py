@@ -298,6 +298,24 @@ def _parse_load(text: str) -> Load | Joint:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``sma-actuator bench``."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    _of_the_wire(parser)
+    _of_the_sockets(parser)
+    parser.add_argument(
+        "--fault",
+        type=_checked(parse_fault),
+        action="append",
+        default=[],
+        metavar="NAME[=VALUE][@SECONDS]",
+        help="misbehave, from a bench time on; may be given often",
+    )
+    parser.epilog = "faults:\n" + "\n".join(
+        f"  {name:18} {fault.effect}"
+        + (f" (value in {fault.value}, {fault.default:g} if not given)" if fault.value else "")
+        for name, fault in FAULTS.items()
+    )
+
+
+def _of_the_wire(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--wire", choices=sorted(WIRES), default="flexinol", help="default %(default)s")
     parser.add_argument(
         "--physics",
@@ -335,6 +353,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=1,
         help="benches, or joints of two benches, each bench on its own pair of ports",
     )
+
+
+def _of_the_sockets(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default %(default)s)")
     parser.add_argument(
         "--supply-port",
@@ -352,19 +373,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--ports-file", type=Path, metavar="FILE", help="write the ports here, as JSON, once they are open"
     )
     parser.add_argument("--force", action="store_true", help="overwrite the file of the ports if it exists already")
-    parser.add_argument(
-        "--fault",
-        type=_checked(parse_fault),
-        action="append",
-        default=[],
-        metavar="NAME[=VALUE][@SECONDS]",
-        help="misbehave, from a bench time on; may be given often",
-    )
-    parser.epilog = "faults:\n" + "\n".join(
-        f"  {name:18} {fault.effect}"
-        + (f" (value in {fault.value}, {fault.default:g} if not given)" if fault.value else "")
-        for name, fault in FAULTS.items()
-    )
 
 
 def run(args: argparse.Namespace) -> int:

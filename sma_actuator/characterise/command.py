@@ -121,9 +121,12 @@ def _of_the_plan(group: argparse._ArgumentGroup) -> None:
         type=Path,
         metavar="NODE.yaml",
         help="a second round: the model in this file (from `init --start`) drives the wire to held positions, a sine "
-        "and a triangle "
-        "at each load; give the logs to identify together with the first round's",
+        "and a triangle at each load; give the logs to identify together with the first round's",
     )
+    _of_the_cycles(group)
+
+
+def _of_the_cycles(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--training-cycles",
         type=number_within(0, kind=int),

@@ -94,30 +94,7 @@ def run(args) -> int:
         os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         ports_file = Path(folder) / "ports.json"
         bench = stack.enter_context(
-            _process(
-                "virtual bench",
-                [
-                    sys.executable,
-                    "-m",
-                    "sma_actuator",
-                    "bench",
-                    "--wire",
-                    args.wire,
-                    "--physics",
-                    args.physics,
-                    *(("--load", args.load) if args.load else ()),
-                    "--seed",
-                    str(args.seed),
-                    "--supply-port",
-                    "0",
-                    "--daq-port",
-                    "0",
-                    "--ports-file",
-                    str(ports_file),
-                ],
-                Path(folder) / "bench.log",
-                console,
-            )
+            _process("virtual bench", _bench_command(args, ports_file), Path(folder) / "bench.log", console)
         )
         ports = _wait_for_ports(ports_file, bench, interrupts)
         for instrument in ("supply", "daq"):
@@ -152,6 +129,14 @@ def run(args) -> int:
     write_json(args, errors.as_dict())
     say_next(args, 'drive it yourself: "Drive a wire" in README.md; a wire of your own: docs/first_wire.md')
     return 0 if supply_is_off and (errors.samples or interrupts) else 1
+
+
+def _bench_command(args, ports_file: Path) -> list[str]:
+    """What starts the virtual bench."""
+    command = [sys.executable, "-m", "sma_actuator", "bench", "--wire", args.wire, "--physics", args.physics]
+    command += ["--load", args.load] if args.load else []
+    command += ["--seed", str(args.seed), "--supply-port", "0", "--daq-port", "0"]
+    return [*command, "--ports-file", str(ports_file)]
 
 
 def _words_of(number: int) -> str:

@@ -64,6 +64,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="BENCH.yaml",
         help="parameters of the bench (a model in it is replaced); where there is none, the wire's will do:",
     )
+    _of_the_wire(parser)
+    _of_the_fit(parser)
+    parser.add_argument(
+        "--report", type=Path, metavar="FILE.html", help="page with the pictures (default: beside MODEL.yaml)"
+    )
+    add_log_arguments(parser)
+    add_fleet_arguments(parser, "wire")
+    add_output_arguments(parser, "coefficients, intervals and errors", "the errors")
+
+
+def _of_the_wire(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--alloy", choices=tuple(THESIS_MODEL), help="alloy of the wire")
     parser.add_argument(
         "--length", type=metres, metavar="M", help="length of the wire between the crimps, as 0.1 (metres) or 100mm"
@@ -79,12 +90,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="one more parameter, as circuit.reference_resistance=0.5 where the log holds the voltage over it; may be "
         "repeated",
     )
+
+
+def _of_the_fit(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--model",
         metavar="TYPE",
         help="model.type to fit: whole_range, flexinol, furukawa … (default: the best one for these logs; the thesis's "
-        "where "
-        "--method, --variant or --order is given)",
+        "where --method, --variant or --order is given)",
     )
     parser.add_argument(
         "--out",
@@ -118,12 +131,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--jobs", type=number_within(1, kind=int), default=2, help="processes of that search (default %(default)s)"
     )
-    parser.add_argument(
-        "--report", type=Path, metavar="FILE.html", help="page with the pictures (default: beside MODEL.yaml)"
-    )
-    add_log_arguments(parser)
-    add_fleet_arguments(parser, "wire")
-    add_output_arguments(parser, "coefficients, intervals and errors", "the errors")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -179,16 +179,7 @@ class Dialect:
             problems.append(_CHANNELS_OR_COLUMNS)
         if {"arm_watchdog", "disarm_watchdog"} & set(commands):
             problems += _wrong_watchdog(document, queries)
-        span, step_s = document.get("watchdog_range_s"), document.get("watchdog_step_s", 0.0)
-        if span is not None and not (
-            isinstance(span, list) and len(span) == 2 and all(map(is_number, span)) and 0.0 <= span[0] <= span[1]
-        ):
-            problems.append(f"watchdog_range_s: {span!r} is not shortest and longest delay in seconds, as [1, 3600]")
-        if not (is_number(step_s) and step_s >= 0.0):
-            problems.append(f"watchdog_step_s: {step_s!r} is not a number of seconds")
-        zero_A = document.get("zero_current", 0.0)
-        if not (is_number(zero_A) and 0.0 <= zero_A <= 1.0):
-            problems.append(f"zero_current: {zero_A!r} is not the least current that it takes, in amperes")
+        problems += _wrong_numbers(document)
         termination = document.get("termination", "\n")
         terminations = (termination, document.get("answer_termination", termination))
         problems += [
@@ -200,16 +191,7 @@ class Dialect:
         problems += [
             f"{key}: {value!r} is neither true nor false" for key, value in flags.items() if not isinstance(value, bool)
         ]
-        acknowledgement = None
-        if flags["acknowledges_answers"] and "acknowledgement" not in document:
-            problems.append("acknowledges_answers: acknowledgement is missing, the line that follows an answer")
-        if "acknowledgement" in document:
-            acknowledgement = pattern_or_none(document["acknowledgement"])
-            if acknowledgement is None:
-                problems.append(
-                    f"acknowledgement: {document['acknowledgement']!r}; a regular expression for the whole line that "
-                    f"answers a command is wanted, in quotes{why_no_pattern(document['acknowledgement'])}"
-                )
+        acknowledgement = _acknowledgement(document, flags["acknowledges_answers"], problems)
         identity = _identity(document, queries, problems)
         if problems:
             raise ConfigError([f"{path}: {problem}" for problem in problems])
@@ -223,9 +205,9 @@ class Dialect:
             commands=commands,
             queries=queries,
             trips=trips,
-            zero_current_A=float(zero_A),
-            watchdog_range_s=(float(span[0]), float(span[1])) if span else None,
-            watchdog_step_s=float(step_s),
+            zero_current_A=float(document.get("zero_current", 0.0)),
+            watchdog_range_s=(float(span[0]), float(span[1])) if (span := document.get("watchdog_range_s")) else None,
+            watchdog_step_s=float(document.get("watchdog_step_s", 0.0)),
             watchdog_fed_by=document.get("watchdog_fed_by", ""),
             **flags,
         )
@@ -317,6 +299,37 @@ def _trips(entries: Any, problems: list[str]) -> dict[str, Query]:
         for word, entry in entries.items()
     }
     return {word: query for word, query in read.items() if query is not None}
+
+
+def _wrong_numbers(document: Mapping[str, Any]) -> list[str]:
+    """What is wrong with its numbers."""
+    problems = []
+    span, step_s = document.get("watchdog_range_s"), document.get("watchdog_step_s", 0.0)
+    if span is not None and not (
+        isinstance(span, list) and len(span) == 2 and all(map(is_number, span)) and 0.0 <= span[0] <= span[1]
+    ):
+        problems.append(f"watchdog_range_s: {span!r} is not shortest and longest delay in seconds, as [1, 3600]")
+    if not (is_number(step_s) and step_s >= 0.0):
+        problems.append(f"watchdog_step_s: {step_s!r} is not a number of seconds")
+    zero_A = document.get("zero_current", 0.0)
+    if not (is_number(zero_A) and 0.0 <= zero_A <= 1.0):
+        problems.append(f"zero_current: {zero_A!r} is not the least current that it takes, in amperes")
+    return problems
+
+
+def _acknowledgement(document: Mapping[str, Any], of_answers: Any, problems: list[str]) -> Pattern | None:
+    """The whole line that answers a command, and ``of_answers`` an answer too; None where there is none."""
+    if of_answers and "acknowledgement" not in document:
+        problems.append("acknowledges_answers: acknowledgement is missing, the line that follows an answer")
+    if "acknowledgement" not in document:
+        return None
+    found = pattern_or_none(document["acknowledgement"])
+    if found is None:
+        problems.append(
+            f"acknowledgement: {document['acknowledgement']!r}; a regular expression for the whole line that "
+            f"answers a command is wanted, in quotes{why_no_pattern(document['acknowledgement'])}"
+        )
+    return found
 
 
 def _identity(document: Mapping[str, Any], queries: Mapping[str, Query], problems: list[str]) -> Pattern:

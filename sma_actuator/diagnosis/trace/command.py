@@ -110,15 +110,7 @@ def run(args: argparse.Namespace) -> int:
     if args.isolability:
         return _isolability(args)
     if args.table:
-        if args.calibration:
-            raise ConfigError(
-                "--calibration: not with --table; models that identify wrote have their calibration with them"
-            )
-        if args.explain:
-            raise ConfigError("--explain: not with --table; trace the one log by itself")
-        asked = {name: getattr(args, name) for name in ("only", "without", "beyond_floor")}
-        asked["reading"] = reading_of(args)
-        return run_fleet(args, "trace", trace_logs, args.logs, args.config, asked, models=str(args.out or ""))
+        return _fleet(args)
     if args.out is None:
         raise ConfigError("--out: a folder for the report is wanted")
     written = ("report.json", "report.html", "model.yaml")
@@ -178,6 +170,19 @@ def _check(args: argparse.Namespace) -> None:
     for option in ("only", "explain", "beyond_floor", "calibration", "table"):
         if args.isolability and getattr(args, option):
             raise ConfigError(f"--{option.replace('_', '-')}: not with --isolability, which traces nothing")
+
+
+def _fleet(args: argparse.Namespace) -> int:
+    """Trace each log by itself, for a table."""
+    if args.calibration:
+        raise ConfigError(
+            "--calibration: not with --table; models that identify wrote have their calibration with them"
+        )
+    if args.explain:
+        raise ConfigError("--explain: not with --table; trace the one log by itself")
+    asked = {name: getattr(args, name) for name in ("only", "without", "beyond_floor")}
+    asked["reading"] = reading_of(args)
+    return run_fleet(args, "trace", trace_logs, args.logs, args.config, asked, models=str(args.out or ""))
 
 
 def _isolability(args: argparse.Namespace) -> int:
