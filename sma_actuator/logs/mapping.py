@@ -310,7 +310,7 @@ def _read_file(path: Path) -> dict[str, dict[str, Any]]:
     data = read_yaml(path, "a map of columns")
     if not isinstance(data, dict) or not all(isinstance(data.get(s) or {}, dict) for s in _SECTIONS):
         raise BenchLogError(f"{path}: sections {', '.join(_SECTIONS)} are wanted, each of 'our_column: theirs'")
-    unknown = sorted(set(data) - set(_SECTIONS))
+    unknown = [name for name in data if name not in _SECTIONS]
     if unknown:
         raise BenchLogError(f"{path}: '{unknown[0]}' is no section; {', '.join(_SECTIONS)} are")
     return {section: dict(data.get(section) or {}) for section in _SECTIONS}
