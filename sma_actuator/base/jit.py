@@ -33,7 +33,7 @@ Kernel = TypeVar("Kernel", bound=Callable)
 Floats = MutableSequence[float]
 
 COMPILING = "compiling kernels"  #: how it is said that this is why nothing happens yet
-PLAIN = "runs as plain Python: it was not compiled before it had to be quick"
+NOT_COMPILED = "runs as plain Python: it was not compiled before it had to be quick"
 _NEWS_s = 10.0  #: how often it is said that kernels are still being compiled
 _PACKAGE = Path(__file__).parents[1]
 _hurry = threading.local()
@@ -173,7 +173,7 @@ try:
         def ready_or_plain(*args: Any) -> Any:
             if not _in_a_hurry():
                 return compiled_for(*args)
-            _log.debug("%s.%s %s", kernel.py_func.__module__, kernel.py_func.__name__, PLAIN)
+            _log.debug("%s.%s %s", kernel.py_func.__module__, kernel.py_func.__name__, NOT_COMPILED)
             return kernel.py_func
 
         kernel._compile_for_args = ready_or_plain

@@ -4,7 +4,7 @@ A model errs in the same way again and again: its error depends on where the wir
 it is.  On the model's own logs that is learned once, by ridge regression on many simple bends of what is seen: the
 model's displacement, resistance, stress, branch, the temperature that a heat balance keeps beside them, and how far
 temperature and resistance have come from their last turns (:mod:`sma_actuator.estimation.models.whole_range`).
-What is expected so is not news to anybody who traces a later log.
+What is expected so is not unexpected to anybody who traces a later log.
 
 A model may also depend on the way by which its load came to be what it is, which no wire that was ever loaded by
 weights has told it, and between its loads it goes on as its polynomial does, which with few loads goes through all of
@@ -80,7 +80,7 @@ class Expectation:
         self._remembered = Remembered()
 
     def residual_m(self, found: Estimates, rows: np.ndarray | slice, ambient_counts: bool = False) -> np.ndarray:
-        """Measured less estimated displacement that is no news, of some of n samples.
+        """Measured less estimated displacement that is expected, of some of n samples.
 
         ``ambient_counts``: with the surroundings as they are logged, not as they were at the calibration.
         """
@@ -173,10 +173,10 @@ def learn(experiments: Sequence[Experiment], found: Sequence[Estimates], config:
     stretches = block.astype(int) % FOLDS
     fold = _of_loads(experiments, log)
     fold = stretches if fold is None else fold
-    news_m = _left_out(z, residual_m, fold)
-    apart_m = np.abs(_left_out(beside, place_m, fold) - news_m)
+    unexpected_m = _left_out(z, residual_m, fold)
+    apart_m = np.abs(_left_out(beside, place_m, fold) - unexpected_m)
     typical_m = float(np.median(apart_m))
-    times = float(np.quantile(np.abs(news_m) / (typical_m + apart_m), COVERAGE)) / (INTERVAL * SPREAD)
+    times = float(np.quantile(np.abs(unexpected_m) / (typical_m + apart_m), COVERAGE)) / (INTERVAL * SPREAD)
     return ExpectationSection(
         expected_stroke=(low_m, high_m),
         expected_centre=_rounded(centre),
@@ -187,7 +187,7 @@ def learn(experiments: Sequence[Experiment], found: Sequence[Estimates], config:
         expected_place=_rounded(_ridge(beside, place_m)),
         expected_apart=typical_m,
         expected_times=times,
-        floor=float(np.abs(news_m).mean()) / full_m * 100,
+        floor=float(np.abs(unexpected_m).mean()) / full_m * 100,
         # Of a load that was fitted: what a regression adds beyond the loads that it knows lasts as long as its cycles.
         independent_time=correlation_time_s(time_s, _left_out(z, residual_m, stretches), log),
     )

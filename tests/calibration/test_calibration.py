@@ -241,7 +241,7 @@ class TestExpectation:
         traces = make_experiments(logs, config)
         return traces, [Chain(config).run(t.signals) for t in traces]
 
-    def test_what_the_model_leaves_is_mostly_no_news(self, identified):
+    def test_what_the_model_leaves_is_mostly_expected(self, identified):
         """Also where it was not fitted: the floor stands far below the error, and what is expected follows the
         residual."""
         logs, result = identified
@@ -249,15 +249,17 @@ class TestExpectation:
         assert calibration.expectation.floor < 0.7 * calibration.error
         expectation = Expectation(result.config)
         traces, found = self.found(logs, result.config)
-        news_m = [
+        unexpected_m = [
             t.displacement_m - e.displacement_m - expectation.residual_m(e, slice(None))
             for t, e in zip(traces, found, strict=True)
         ]
-        news = np.nanmean(np.abs(np.concatenate(news_m))) / result.config.wire.full_stroke_m * 100
-        assert news < 1.1 * calibration.expectation.floor
+        unexpected = np.nanmean(np.abs(np.concatenate(unexpected_m))) / result.config.wire.full_stroke_m * 100
+        assert unexpected < 1.1 * calibration.expectation.floor
         floor_m = np.concatenate([expectation.floor_m(e, slice(None)) for e in found])
         mean = np.nanmean(floor_m) / result.config.wire.full_stroke_m * 100
-        assert news < mean < 1.1 * calibration.expectation.floor  # where it was fitted, the two opinions are nearer
+        assert (
+            unexpected < mean < 1.1 * calibration.expectation.floor
+        )  # where it was fitted, the two opinions are nearer
         assert np.nanmin(floor_m) < 0.9 * np.nanmean(floor_m)  # some places and histories are surer than others
 
     def test_it_is_less_sure_where_a_model_has_lost_its_way(self, identified):
@@ -289,7 +291,7 @@ class TestExpectation:
         assert 0.0 < few.floor < result.config.calibration.error
 
     def test_a_colder_room_is_less_heat_if_it_is_held_against_it(self, identified):
-        """Else what it does is news: the wire is then asked for where it would be in the calibration's room."""
+        """Else what it does is unexpected: the wire is then asked for where it would be in the calibration's room."""
         logs, result = identified
         config = result.config
         expectation, usual_C = Expectation(config), config.calibration.ambient_temperature
@@ -304,7 +306,7 @@ class TestExpectation:
         assert np.nanmax(np.abs(counts_m - less_m)) < 0.1 * np.nanmax(np.abs(counts_m - as_ever_m))
         np.testing.assert_array_equal(expectation.residual_m(colder, slice(None)), as_ever_m)
 
-    def test_a_fault_is_news(self, identified):
+    def test_a_fault_is_unexpected(self, identified):
         """Nothing of a displacement that is measured wrong is expected: the reference is not asked."""
         logs, result = identified
         expectation = Expectation(result.config)

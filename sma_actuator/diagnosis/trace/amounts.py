@@ -1,4 +1,4 @@
-"""How much of what a model is off on some logs is news, of every unit of them, in % of full stroke."""
+"""How much of what a model is off on some logs is unexpected, of every unit of them, in % of full stroke."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from .evidence import Evidence
 from .witnesses import Prediction
 
 
-def news_percent(evidence: Evidence, predictions: Sequence[Prediction]) -> np.ndarray:
-    """Mean absolute size of the news, shape (units,)."""
-    return _compared_percent(evidence, np.abs(np.concatenate(evidence.of_displacement.news_m(predictions))))
+def unexpected_percent(evidence: Evidence, predictions: Sequence[Prediction]) -> np.ndarray:
+    """Mean absolute size of the unexpected residual, shape (units,)."""
+    return _compared_percent(evidence, np.abs(np.concatenate(evidence.of_displacement.unexpected_m(predictions))))
 
 
 def floor_percent(evidence: Evidence) -> float:
-    """What that is in the mean where there are none, at these places and with these histories."""
+    """What that is in the mean where there is none, at these places and with these histories."""
     if evidence.beyond_floor:
         return 0.0
     return float(_compared_percent(evidence, np.concatenate(evidence.of_displacement.floor_m)).mean())

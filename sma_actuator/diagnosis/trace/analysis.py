@@ -63,7 +63,7 @@ def quantities(evidence: Evidence, predictions: Sequence[Prediction]) -> dict[st
 def residual_m(evidence: Evidence, predictions: Sequence[Prediction]) -> np.ndarray:
     """Measured less shown displacement beyond what the calibration lets expect, all logs together, of the samples
     compared."""
-    return np.concatenate(evidence.of_displacement.news_m(predictions))
+    return np.concatenate(evidence.of_displacement.unexpected_m(predictions))
 
 
 def anatomy(evidence: Evidence, predictions: Sequence[Prediction]) -> Anatomy:

@@ -274,8 +274,8 @@ def _print(console: Console, report: dict) -> None:
     console.print(
         f"error {report['error_before_pct_stroke']:.2f} % of full stroke ({before[0]:.2f}–{before[1]:.2f}) before, "
         f"{report['error_after_pct_stroke']:.2f} % ({after[0]:.2f}–{after[1]:.2f}) after; "
-        f"beyond what the calibration lets expect {report['news_before_pct_stroke']:.2f} % before, "
-        f"{report['news_after_pct_stroke']:.2f} % after; {report['floor_pct_stroke']:.2f} % is usual"
+        f"beyond what the calibration lets expect {report['unexpected_before_pct_stroke']:.2f} % before, "
+        f"{report['unexpected_after_pct_stroke']:.2f} % after; {report['floor_pct_stroke']:.2f} % is usual"
     )
     console.print(f"probable: {probable(report)}")
     if report["effects"]:

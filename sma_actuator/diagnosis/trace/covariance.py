@@ -47,7 +47,7 @@ NEW = (
     "resistance_Ohm",
 )
 WITH_PLACE = ("time_s", "stress_Pa", "power_lagged_10_s_W")
-LARGE = 10.0  #: σ: smooth errors that leave only what goes with nothing
+LARGE_sigma = 10.0  #: smooth errors that leave only what goes with nothing
 STEPS = 50  #: times at which one may have come at once
 
 
@@ -92,9 +92,9 @@ class SmoothErrors:
         ``rows``: of the model as it is.  What goes with anything that is looked at is taken off them before, so that
         what an effect does is not mistaken for it, and a step where one fits best: what happens once is off ever after.
         """
-        smooth = (self.repeating, *(LARGE * columns for columns in self.new.values()))
+        smooth = (self.repeating, *(LARGE_sigma * columns for columns in self.new.values()))
         step = self._step(evidence, rows, Covariance(*smooth))
-        left = Covariance(*smooth, LARGE * step).inverse(rows)[: evidence.rows_of_samples]
+        left = Covariance(*smooth, LARGE_sigma * step).inverse(rows)[: evidence.rows_of_samples]
         log = np.repeat(np.arange(len(evidence.logs.compared)), [len(here) for here in evidence.logs.compared])
         time_s = np.concatenate(
             [t.signals.time_s[here] for t, here in zip(evidence.logs.experiments, evidence.logs.compared, strict=True)]

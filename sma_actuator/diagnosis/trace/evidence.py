@@ -29,13 +29,13 @@ from .prepared import Prepared
 from .witnesses import WITNESSES, Power, Prediction, Residual, Rests, Springs, Witness
 
 #: Samples of one unit that say something new, where the calibration does not say how long errors last.
-INDEPENDENT = 8.0
+INDEPENDENT_SAMPLES = 8.0
 #: Error above which a model is not of this wire, or the bench is another: half the stroke.
 HOPELESS_percent = 50.0
 #: Readings within the wire's time constant in which effects are looked for, before they are held against all.
-SOUGHT_IN = 5.0
+SOUGHT_IN_READINGS = 5.0
 #: Deviation of a row that counts at all: a sensor that is cut off says no more than one that is far off.
-LARGEST = 30.0
+LARGEST_sigma = 30.0
 
 
 class Evidence:
@@ -88,7 +88,7 @@ class Evidence:
 
     def seldom_and_anywhere(self) -> Evidence:
         """The same logs in as many readings as it takes to look for effects, with one floor wherever the wire was."""
-        out = Evidence(*self._given, readings=SOUGHT_IN)
+        out = Evidence(*self._given, readings=SOUGHT_IN_READINGS)
         out.of_displacement.take_one_floor()
         return out
 
@@ -123,7 +123,7 @@ class Evidence:
 
     def _independent(self) -> np.ndarray:
         if not self.independent_s > 0.0:
-            return np.full(self.units, INDEPENDENT)
+            return np.full(self.units, INDEPENDENT_SAMPLES)
         lasts_s = np.zeros(self.units)
         for experiment, unit in zip(self.logs.experiments, self.unit, strict=True):
             step_s = np.diff(experiment.signals.time_s, prepend=experiment.signals.time_s[0])
@@ -159,7 +159,7 @@ class Evidence:
         """Every log through a chain.  Between two logs of a session nobody saw the wire: only its position is
         forgotten."""
         out = []
-        # What other surroundings do is news, until they are what is held against it.
+        # What other surroundings do is unexpected, until they are what is held against it.
         ambient_counts = any(effect.ALLOWS_FOR_AMBIENT for effect in chain.effects)
         for i, ((p, kept), rows) in enumerate(zip(self._judgements(chain), self.logs.compared, strict=True)):
             here = np.arange(len(p.time_s))[kept][rows]
@@ -264,9 +264,9 @@ def errors_percent(evidence: Evidence, predictions: Sequence[Prediction]) -> np.
 def limited(z: np.ndarray) -> np.ndarray:
     """``z`` with Huber's loss as half its square; what is not finite counts as the largest that counts."""
     z = np.clip(
-        np.nan_to_num(z, nan=LARGEST, posinf=LARGEST, neginf=-LARGEST),
-        -LARGEST,
-        LARGEST,
+        np.nan_to_num(z, nan=LARGEST_sigma, posinf=LARGEST_sigma, neginf=-LARGEST_sigma),
+        -LARGEST_sigma,
+        LARGEST_sigma,
     )
     size = np.abs(z)
     return np.where(

@@ -9,7 +9,7 @@ import numpy as np
 
 from sma_actuator.estimation.effects import Effect
 
-from .amounts import news_percent
+from .amounts import unexpected_percent
 from .candidates import Candidate
 from .covariance import FORMS, NEARLY, Covariance
 from .evidence import Evidence, errors_percent
@@ -29,7 +29,7 @@ class Fit:
     held_out: np.ndarray  #: of every unit, by a fit that has not seen it, shape (units,)
     held_out_rows: np.ndarray  #: rows of the evidence by the same fits
     held_out_percent: np.ndarray  #: mean absolute error of every unit by the same fits, % of full stroke
-    held_out_news_percent: np.ndarray  #: and what of it the calibration does not let expect
+    held_out_unexpected_percent: np.ndarray  #: and what of it the calibration does not let expect
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -65,7 +65,7 @@ def fit(
 def fit_of(evidence: Evidence, found: Likeliest, covariance: Covariance, seen: np.ndarray | None = None) -> Fit:
     """The same of what is likeliest already."""
     seen = np.ones(evidence.units, dtype=bool) if seen is None else seen
-    held_out_rows, held_out_percent, held_out_news_percent = _held_out(evidence, found, covariance, seen)
+    held_out_rows, held_out_percent, held_out_unexpected_percent = _held_out(evidence, found, covariance, seen)
     return Fit(
         candidates=found.candidates,
         values=found.values,
@@ -74,7 +74,7 @@ def fit_of(evidence: Evidence, found: Likeliest, covariance: Covariance, seen: n
         held_out=evidence.losses(held_out_rows),
         held_out_rows=held_out_rows,
         held_out_percent=held_out_percent,
-        held_out_news_percent=held_out_news_percent,
+        held_out_unexpected_percent=held_out_unexpected_percent,
     )
 
 
@@ -86,7 +86,7 @@ def _held_out(
     problem = found.problem
     held_out_rows = found.rows.copy()
     at = evidence.predict(found.effects)
-    percent, unexpected_percent = errors_percent(evidence, at), news_percent(evidence, at)
+    percent, not_expected_percent = errors_percent(evidence, at), unexpected_percent(evidence, at)
     numbered = np.flatnonzero(seen)
     for k in range(FOLDS):
         left_out = numbered[k::FOLDS]
@@ -105,8 +105,8 @@ def _held_out(
         hidden = np.isin(evidence.unit_of_row, left_out)
         held_out_rows[hidden] = there[hidden]
         percent[left_out] = errors_percent(evidence, predictions)[left_out]
-        unexpected_percent[left_out] = news_percent(evidence, predictions)[left_out]
-    return held_out_rows, percent, unexpected_percent
+        not_expected_percent[left_out] = unexpected_percent(evidence, predictions)[left_out]
+    return held_out_rows, percent, not_expected_percent
 
 
 def _intervals(evidence: Evidence, found: Likeliest, covariance: Covariance, rows: np.ndarray) -> dict:

@@ -28,9 +28,9 @@ from .likeliest import PROBE, Likeliest, beside, changed, likeliest
 from .limits import LIMITS
 
 NOTHING, SOMETHING_ELSE = "nothing", "something else"
-LARGER = (3.0, 10.0, 30.0)  #: σ: how large the smooth errors of something else may be, each as likely
+LARGER_sigma = (3.0, 10.0, 30.0)  #: how large the smooth errors of something else may be, each as likely
 #: How many times as far off as usual readings may be that go with nothing, each as likely.
-LOUDER = (2.0, 4.0, 8.0)
+LOUDER_TIMES = (2.0, 4.0, 8.0)
 GOES_WITH_NOTHING = "nothing that was looked at"
 PROMISING = 20  #: pairs that are sketched, of all
 BEST_FEW = 4  #: single effects that something else is held beside, and may look like
@@ -101,10 +101,10 @@ class Rows:
         if self.smooth is None:
             raise ValueError("without smooth errors there is nothing that something else could be")
         for what, columns in self.smooth.new.items():
-            yield what, [self._covariance(size * columns) for size in LARGER]
+            yield what, [self._covariance(size * columns) for size in LARGER_sigma]
         counts = self.smooth.weight**2
         of_sample = np.arange(len(counts)) < self.evidence.rows_of_samples
-        louder = [(np.where(of_sample, times, 1.0), counts) for times in LOUDER]
+        louder = [(np.where(of_sample, times, 1.0), counts) for times in LOUDER_TIMES]
         yield GOES_WITH_NOTHING, [self._covariance(alone=alone) for alone in louder]
 
     def of(self, found: Likeliest, shares: Sequence[float]) -> tuple[float, Covariance]:

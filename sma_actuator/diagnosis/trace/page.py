@@ -139,7 +139,7 @@ def _numbers(page: Page, report: dict[str, Any]) -> None:
                 "share that repeats every cycle",
                 *(report[f"residual_{w}"]["share_repeating_every_cycle"] for w in ("before", "after")),
             ),
-            ("beyond what is expected", report["news_before_pct_stroke"], report["news_after_pct_stroke"]),
+            ("beyond what is expected", report["unexpected_before_pct_stroke"], report["unexpected_after_pct_stroke"]),
             ("of which so much is usual", report["floor_pct_stroke"], report["floor_pct_stroke"]),
         ],
     )

@@ -21,8 +21,8 @@ from sma_actuator.logs.experiments import Experiment, make_experiment, sessions
 UNIT_TIMES = 4.0  #: a unit lasts at least so many times as long as errors remember themselves
 FEWEST_CYCLES = 3  #: in all logs together
 FEWEST_UNITS = 8
-LARGEST = 40_000  #: samples that the chain sees; longer logs are thinned …
-COMPARED = 4_000  #: … and so many of them at the most are compared with the measured displacement
+MOST_SAMPLES = 40_000  #: samples that the chain sees; longer logs are thinned …
+MOST_COMPARED = 4_000  #: … and so many of them at the most are compared with the measured displacement
 
 
 class Prepared:
@@ -41,7 +41,7 @@ class Prepared:
             logs = by_clock
         time_constant_s = config.thermal.heat_capacity / config.thermal.heat_loss
         step_s = max((log.period_s for log in logs if len(log) > 1), default=math.inf)
-        thin = max(1, math.ceil(sum(map(len, logs)) / LARGEST), int(time_constant_s / (readings * step_s)))
+        thin = max(1, math.ceil(sum(map(len, logs)) / MOST_SAMPLES), int(time_constant_s / (readings * step_s)))
         judged = [piece for log in logs for piece in _with_a_cycle(sessions(make_experiment(log, config)), chain)]
         self.experiments = [_moving(counted) for _, _, counted in judged]
         cycles = sum(int(experiment.cycle.max()) for experiment in self.experiments)
@@ -64,7 +64,7 @@ class Prepared:
         ends = [float(t.signals.time_s[-1]) for t in self.experiments]
         #: Of every log, whether a session begins with it; else its clock goes on from the one before it.
         self.begins = [i == 0 or start <= ends[i - 1] for i, start in enumerate(starts)]
-        every = max(1, math.ceil(sum(map(len, self.measured_m)) / COMPARED))
+        every = max(1, math.ceil(sum(map(len, self.measured_m)) / MOST_COMPARED))
         #: Samples of every log that a residual is made of: neighbours say the same.
         self.compared = [np.arange(every // 2, len(m), every) for m in self.measured_m]
 

@@ -29,7 +29,7 @@ from .probability import MOST_NAMES, NO_NAMES
 from .tracing import Tracing, of_the_model
 
 DRAWS = 1000
-USUAL = 2.0  #: deviation (rms, σ) of a witness above which it is worth a word
+UNUSUAL_sigma = 2.0  #: rms deviation of a witness from the calibration above which it is worth a word
 LEAST_SAID = 0.02  #: probability from which a name is worth a word
 DEPENDS = 0.1  #: share of the residual's mean square from which a dependence is worth naming
 
@@ -62,8 +62,8 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
         "error_after_pct_stroke": _mean(after, weight),
         "error_after_interval": _interval(after, weight),
         # Every unit weighs the same.
-        "news_before_pct_stroke": float(tracing.news_percent["before"].mean()),
-        "news_after_pct_stroke": float(tracing.news_percent["after"].mean()),
+        "unexpected_before_pct_stroke": float(tracing.unexpected_percent["before"].mean()),
+        "unexpected_after_pct_stroke": float(tracing.unexpected_percent["after"].mean()),
         "floor_pct_stroke": floor_percent(tracing.evidence),
         "excess_explained": tracing.share,
         "loss_after_over_calibration": _ratio(float(tracing.losses["after"].mean()), tracing.expected_loss),
@@ -182,7 +182,7 @@ NEXT = {
 def _nothing(tracing: Tracing, share: float) -> str:
     """That nothing is missing, or that these logs do not rule out that something is, or that something is and they do
     not tell what."""
-    off = f"{tracing.news_percent['before'].mean():.2f} % of full stroke"
+    off = f"{tracing.unexpected_percent['before'].mean():.2f} % of full stroke"
     if share >= LIMITS.enough:
         return (
             f"Nothing is missing, with a probability of {share:.0%}: of the error {off} is not what the calibration "
@@ -210,7 +210,7 @@ def _likeliest_first(tracing: Tracing) -> list[str]:
 
 
 def _said(tracing: Tracing, names: Sequence[str], alternatives: Sequence[dict[str, Any]]) -> str:
-    before, after = (float(tracing.news_percent[w].mean()) for w in ("before", "after"))
+    before, after = (float(tracing.unexpected_percent[w].mean()) for w in ("before", "after"))
     share = f"{max(1.0 - after / before, 0.0):.0%} of what is unusual in these logs"
     beside, by_name = tracing.beside, tracing.probabilities.by_name
     certain = [n for n in names if n not in beside]
@@ -223,13 +223,17 @@ def _said(tracing: Tracing, names: Sequence[str], alternatives: Sequence[dict[st
     else:
         text += f": that explains {share}"
     after_it = tracing.witnesses["after"]
-    mended = [n for n, off in tracing.witnesses["before"].items() if off > USUAL and after_it.get(n, off) <= USUAL]
+    mended = [
+        n
+        for n, off in tracing.witnesses["before"].items()
+        if off > UNUSUAL_sigma and after_it.get(n, off) <= UNUSUAL_sigma
+    ]
     text += (
         f", and {_listed(mended)} {'is' if len(mended) == 1 else 'are'} as at the calibration with it."
         if mended
         else "."
     )
-    still = [f"{name} ({off:.1f} standard deviations)" for name, off in after_it.items() if off > USUAL]
+    still = [f"{name} ({off:.1f} standard deviations)" for name, off in after_it.items() if off > UNUSUAL_sigma]
     text += f" Still off with it: {_listed(still)}." if still else ""
     if beside:
         text += f" That it has happened has a probability of {min(by_name[n] for n in certain):.0%}."
@@ -260,7 +264,7 @@ def _witnesses(tracing: Tracing) -> list[dict[str, Any]]:
     out = []
     for name, before in tracing.witnesses["before"].items():
         after = tracing.witnesses["after"].get(name, before)
-        explained = 1.0 - (after / before) ** 2 if before > USUAL else None
+        explained = 1.0 - (after / before) ** 2 if before > UNUSUAL_sigma else None
         out.append({"name": name, "off_before": before, "off_after": after, "explained": explained})
     return out
 

@@ -12,7 +12,7 @@ from sma_actuator.base.one_thread import one_thread
 from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL
 from sma_actuator.logs.errors import BenchLogError
 
-from .amounts import news_percent
+from .amounts import unexpected_percent
 from .candidates import Candidate, candidate, scales_of, untestable
 from .evidence import Evidence, errors_percent
 from .fitting import Fit, fit_of
@@ -37,7 +37,7 @@ class Tracing:
     untestable: dict[str, str]
     losses: dict[str, np.ndarray]  #: held-out loss of every unit, before and after
     errors_percent: dict[str, np.ndarray]  #: mean absolute error of every unit, % of full stroke, before and after
-    news_percent: dict[str, np.ndarray]  #: what of that the calibration does not let expect, likewise
+    unexpected_percent: dict[str, np.ndarray]  #: what of that the calibration does not let expect, likewise
     predictions: dict[str, list[Prediction]]  #: before and after
     expected_loss: float  #: of a cycle that is like those of the calibration
     witnesses: dict[str, dict[str, float]]  #: how far each is off, before and after (:meth:`Evidence.witnesses`)
@@ -188,7 +188,7 @@ def _concluded(
     predictions = evidence.predict({})
     losses, errors = evidence.losses(rows.plain), errors_percent(evidence, predictions)
     every = np.ones(evidence.units, dtype=bool)
-    news, off = news_percent(evidence, predictions), evidence.witnesses(rows.plain, every)
+    unexpected, off = unexpected_percent(evidence, predictions), evidence.witnesses(rows.plain, every)
     verdict, names = probabilities.verdict
     if evidence.beyond_floor and not asked:  # every effect that pays counts, and what remains is the model's as it is
         names = [n for n in probabilities.best if n not in NO_NAMES]
@@ -203,7 +203,7 @@ def _concluded(
         untestable=reasons,
         losses={"before": losses, "after": losses},
         errors_percent={"before": errors, "after": errors},
-        news_percent={"before": news, "after": news},
+        unexpected_percent={"before": unexpected, "after": unexpected},
         predictions={"before": predictions, "after": predictions},
         expected_loss=_expected_loss(evidence),
         witnesses={"before": off, "after": off},
@@ -213,13 +213,13 @@ def _concluded(
         best = result.chosen
         found = fit_of(evidence, best.fitted, best.covariance or rows.usual)
         # Of what has no name, the most probable effect is worth a word where the model is better with it, and no other.
-        if verdict == "unexplained" and found.held_out_news_percent.mean() >= news.mean():
+        if verdict == "unexplained" and found.held_out_unexpected_percent.mean() >= unexpected.mean():
             return result
         result.fit = found
         result.predictions["after"] = evidence.predict(found.effects)
         result.losses["after"] = found.held_out
         result.errors_percent["after"] = found.held_out_percent
-        result.news_percent["after"] = found.held_out_news_percent
+        result.unexpected_percent["after"] = found.held_out_unexpected_percent
         result.witnesses["after"] = evidence.witnesses(found.held_out_rows, every)
     return result
 

@@ -33,7 +33,7 @@ class LeadResistance(Effect):
     resistance: float = parameter(0.0, "lead resistance beyond circuit.lead_resistance", "Ω", -100.0, 100.0)
 
     def measured(self, frame: Frame, state: np.ndarray, place: Place) -> None:
-        """Take the excess off."""
+        """Take it off."""
         _set(frame, frame.resistance_Ohm - self.resistance, frame.current_A)
 
     @classmethod

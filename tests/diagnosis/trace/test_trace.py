@@ -15,7 +15,7 @@ from sma_actuator.base.signals import Signals
 from sma_actuator.bench import TWINS, Spring, Weight
 from sma_actuator.config import Config
 from sma_actuator.diagnosis.trace import Evidence, trace
-from sma_actuator.diagnosis.trace.amounts import floor_percent, news_percent
+from sma_actuator.diagnosis.trace.amounts import floor_percent, unexpected_percent
 from sma_actuator.diagnosis.trace.analysis import quantities
 from sma_actuator.diagnosis.trace.candidates import candidate, scales_of, untestable
 from sma_actuator.diagnosis.trace.covariance import FORMS, NEARLY
@@ -159,7 +159,7 @@ def test_what_has_no_name_stays_without(wire, config, hidden, by_its_form, witho
     said = sentence(found, {}, [])
     assert "There is an error that no candidate explains" in said
     # What was fitted is worth a word only where the model is better with it than without.
-    assert np.mean(found.news_percent["after"]) <= np.mean(found.news_percent["before"])
+    assert np.mean(found.unexpected_percent["after"]) <= np.mean(found.unexpected_percent["before"])
     assert (found.fit is not None) == ("would take off part of it" in said)
     something = found.hypotheses[SOMETHING_ELSE,]
     goes_with = something.goes_with
@@ -205,7 +205,7 @@ def test_a_name_needs_its_signature_however_well_it_fits(wire, config, logs):
 
 @ONE_LOG_AND_TWO
 def test_a_hot_rest_counts_though_the_wire_is_not_quite_as_hot_as_at_the_calibration(wire, config, logs):
-    """Its resistance is lower then, by what the calibration knows of a contracted wire; that is no news, and a lead
+    """Its resistance is lower then, by what the calibration knows of a contracted wire; that is expected, and a lead
     is."""
     off = {}
     for hidden in ({}, {"lead_resistance": 0.03}):
@@ -473,7 +473,7 @@ def test_held_out_cycles_are_not_in_the_fit(clean):
     ("name", "parameters"), [("backlash", {"width": 5e-4}), ("reference_lag", {"time_constant": 0.5})]
 )
 def test_what_follows_the_wire_follows_it_and_not_the_model(clean, monkeypatch, name, parameters):
-    """Play and lag of the true displacement are no news where the model's known error goes through them, too."""
+    """Play and lag of the true displacement are expected where the model's known error goes through them, too."""
     effect = EFFECTS[name](**parameters)
 
     class KnownError:
@@ -497,7 +497,7 @@ def test_what_follows_the_wire_follows_it_and_not_the_model(clean, monkeypatch, 
     monkeypatch.setattr(clean.logs, "measured_m", followed_m)
     after, without = clean.predict({name: effect}), clean.predict({})
     of_the_model = [dataclasses.replace(a, expected_m=b.expected_m) for a, b in zip(after, without, strict=True)]
-    whole, alone, nothing = (news_percent(clean, p).mean() for p in (after, of_the_model, without))
+    whole, alone, nothing = (unexpected_percent(clean, p).mean() for p in (after, of_the_model, without))
     # What is expected is known at the readings compared, with straight lines between them.
     assert whole < 0.5 * alone < 0.2 * nothing
 
@@ -553,7 +553,7 @@ def test_the_sentence_says_what_to_do_and_what_the_model_does_once(names, end):
         probabilities=shares,
         fit=SimpleNamespace(names=names),
         beside=[],
-        news_percent={"before": np.array([3.0]), "after": np.array([0.6])},
+        unexpected_percent={"before": np.array([3.0]), "after": np.array([0.6])},
         witnesses={"before": {}, "after": {}},
     )
     said = sentence(found, {}, [{"name": other, "experiment": {"what": "rest cold for an hour"}}])

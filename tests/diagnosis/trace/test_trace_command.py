@@ -59,7 +59,7 @@ def test_the_report_says_what_was_found_and_how_sure_it_is(report):
     assert offset["unit"] == "V"
     assert offset["interval"][0] <= 0.004 <= offset["interval"][1] or offset["value"] == pytest.approx(0.004, rel=0.05)
     assert effect["share"] > 0.9
-    explained = 1.0 - report["news_after_pct_stroke"] / report["news_before_pct_stroke"]
+    explained = 1.0 - report["unexpected_after_pct_stroke"] / report["unexpected_before_pct_stroke"]
     assert explained > 0.8
     assert report["sentence"].startswith(
         f"A voltage channel has a zero error (voltage_offset): that explains {explained:.0%} of what is unusual"
@@ -68,7 +68,11 @@ def test_the_report_says_what_was_found_and_how_sure_it_is(report):
     assert "resistance at cold rest and resistance at hot rest are as at the calibration with it" in report["sentence"]
     (at_rest,) = (w for w in report["witnesses"] if w["name"] == "resistance at cold rest")
     assert at_rest["off_before"] > 2.0 > at_rest["off_after"] and at_rest["explained"] > 0.9
-    assert report["news_after_pct_stroke"] <= 1.75 * report["floor_pct_stroke"] < report["news_before_pct_stroke"]
+    assert (
+        report["unexpected_after_pct_stroke"]
+        <= 1.75 * report["floor_pct_stroke"]
+        < report["unexpected_before_pct_stroke"]
+    )
     low, high = report["error_before_interval"]
     assert low < report["error_before_pct_stroke"] < high
     low, high = report["error_after_interval"]

@@ -79,13 +79,13 @@ class Residual:
 
     def take_typical(self, predictions: Sequence[Prediction]) -> None:
         """As a floor, what the model as it is leaves: for what is looked for in that itself."""
-        self._take_everywhere(_rms(self.news_m(predictions)) / SPREAD)
+        self._take_everywhere(_rms(self.unexpected_m(predictions)) / SPREAD)
 
     def _take_everywhere(self, typical_m: float) -> None:
         self.floor_m = [np.full(len(rows), typical_m) for rows in self.logs.compared]
 
     def expected_m(self, number: int, found: Judged, here: np.ndarray, ambient_counts: bool) -> np.ndarray:
-        """Residual that is no news, of n samples of a log; known at the samples ``here``, with straight lines between
+        """Residual that is expected, of n samples of a log; known at the samples ``here``, with straight lines between
         them."""
         since_m = SINCE_THEN * self._changed_m(found)
         if self.expectation is None:
@@ -103,7 +103,7 @@ class Residual:
         share = self._place.share_of_stroke(frame)
         return self.calibration.training.changed * np.nan_to_num(left_in_place(share), nan=1.0)
 
-    def news_m(self, predictions: Sequence[Prediction]) -> list[np.ndarray]:
+    def unexpected_m(self, predictions: Sequence[Prediction]) -> list[np.ndarray]:
         """Measured less shown displacement beyond what the calibration lets expect, of the samples compared, log by
         log."""
         return [
@@ -116,8 +116,8 @@ class Residual:
         compared,)."""
         return np.concatenate(
             [
-                news_m / (SPREAD * floor_m)
-                for news_m, floor_m in zip(self.news_m(predictions), self.floor_m, strict=True)
+                unexpected_m / (SPREAD * floor_m)
+                for unexpected_m, floor_m in zip(self.unexpected_m(predictions), self.floor_m, strict=True)
             ]
         )
 

@@ -17,7 +17,7 @@ class Prediction:
     model_m: np.ndarray  #: displacement of the strain model alone
     sensor_m: np.ndarray  #: what it should show beyond what the load pulls at
     beside_m: np.ndarray  #: how much further than the wire it should show the joint, where the wire is as expected
-    expected_m: np.ndarray  #: residual that is no news, of the samples that are compared
+    expected_m: np.ndarray  #: residual that is expected, of the samples that are compared
     heating: np.ndarray
     resistance_Ohm: np.ndarray  #: as the strain model sees it
     power_W: np.ndarray
