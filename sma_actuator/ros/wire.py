@@ -1,7 +1,8 @@
 """One wire as a lifecycle node: its life, and the loop that is opened, asked and given up with it.
 
-What it publishes: ``topics.py`` and ``telling.py``, in which words: ``spoken.py``; what moves it: ``commands.py``; what
-else it is asked for: ``services.py``, ``switch.py``, ``self_testing.py``; the process around it: ``node.py``.
+What it publishes: ``topics.py`` and ``telling.py``, in which words: ``spoken.py``; what moves it: ``commands.py`` and
+``moved_wire.py``; what else it is asked for: ``services.py``, ``switch.py``, ``self_testing.py``; the process around
+it: ``node.py``.
 """
 
 from __future__ import annotations
@@ -11,13 +12,12 @@ import gc
 import threading
 import traceback
 from collections.abc import Callable, Sequence
-from math import isfinite, nan
+from math import nan
 from typing import Any
 
 from lifecycle_msgs.srv import ChangeState
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from sensor_msgs.msg import JointState
 
 from sma_actuator.base.errors import UserError
 from sma_actuator.base.signals import Output, Quality
@@ -27,11 +27,11 @@ from sma_actuator.driver import Driver, DriverStopped
 from sma_actuator.instruments import InstrumentError, open_instruments
 from sma_actuator.instruments.clock import MonotonicClock
 from sma_actuator.logs.recorder import BenchLogRecorder
-from sma_msgs_py import joint_command_from
 
 from . import arguments as ros_arguments
 from .commands import Commands
 from .guard import refuse_what_raises
+from .moved_wire import MovedWire
 from .parameters import NO_SIM_TIME, ROS_PARAMETERS, NodeParameters
 from .self_testing import SelfTesting
 from .services import CALL_TIMEOUT_s, services_of
@@ -52,8 +52,6 @@ class SmaActuatorNode(LifecycleNode):
     ``on_fatal(sentence)`` is called, from any thread, when the process should end: the loop has
     ended with an exception, or autostart failed.  Raises ConfigError where the parameters will not do.
     """
-
-    what = "wire"
 
     def __init__(self, name: str, arguments: ros_arguments.RosArguments, on_fatal: Callable[[str], None]):
         super().__init__(name)
@@ -81,7 +79,7 @@ class SmaActuatorNode(LifecycleNode):
         if hot := not_survived(self.config.wire, self.config.supply, self.config.thermal):
             self.log.say(WARNING, hot)
         self.self_testing = SelfTesting(self)
-        self.commands = Commands(self, self)
+        self.commands = Commands(self, MovedWire(self))
         self._spoken = Spoken(self)
         self._telling: Telling[Output] = Telling(self, self._spoken, WIRE)
         offer(self, (*services_of(self), self.self_testing.service))
@@ -159,68 +157,15 @@ class SmaActuatorNode(LifecycleNode):
             self.driver.submit(lambda actuator, now_s: actuator.raise_fault(now_s, "unhandled_exception", words))
         self.report(f"{words}\n{trace}")
 
-    def wake_no_more(self) -> None:
-        """End the hand-off, so that ROS can be shut down."""
-        self._telling.close()
-
-    # --- what moves it (commands.py) ---------------------------------------------------------------
-
-    def ignores_commands(self) -> str:
-        """Why none is looked at now, or ""."""
-        return "" if self.is_active and self.driver is not None else self.not_active()
-
-    def refuses_goals(self) -> str:
-        """Why no goal of the action can be taken now, or ""."""
-        ignored = self.ignores_commands()
-        if ignored:
-            return ignored
-        try:
-            return "" if self.is_driven() else "the output is off; call ~/enable first"
-        except (DriverStopped, TimeoutError) as error:
-            return str(error)
-
-    def go_to(self, position_m: float) -> str:
-        """Hand a setpoint to the loop, which says itself why it is refused."""
-        if self.driver is not None:
-            self.driver.offer_setpoint(position_m)
-        return ""
-
-    def follow(
-        self, times_s: list[float], positions_m: list[float], velocities_m_s: list[float] | None, delay_s: float
-    ) -> str:
-        """Hand a trajectory to the loop; without points the motion ends where its reference has come."""
-        if self.driver is not None:
-            self.driver.offer_trajectory(times_s, positions_m, velocities_m_s, delay_s)
-        return ""
-
-    def take_joint_command(self, message: JointState) -> str:
-        """Hand a joint command to the loop."""
-        position_m, ignored = joint_command_from(message, self.config.joint_name), self.ignores_commands()
-        if not ignored and self.driver is not None:
-            self.driver.offer_joint_command(position_m)
-        elif isfinite(position_m):  # before a controller runs nobody commands anything
-            return f"a joint command was ignored: {ignored}"
-        return ""
-
-    def hold(self) -> None:
-        """End the motion where the wire is measured to be."""
-        if self.driver is not None:
-            self.driver.hold()
-
-    @property
-    def usual_end(self) -> float:
-        """How near the end the wire must come where a goal does not say [m]."""
-        return self.config.controller.arming_distance * self.config.wire.full_stroke_m
-
-    def in_words(self, error_m: float) -> str:
-        """How far off it is."""
-        return f"{error_m * 1e3:+.3f} mm"
-
     def watch(self, output: Output) -> None:
         """Look how a goal goes."""
         known = output.estimate.quality is not Quality.INVALID
         position_m = output.estimate.displacement_m if known else nan
         self.commands.watch(output.signals.time_s, position_m, output.status)
+
+    def wake_no_more(self) -> None:
+        """End the hand-off, so that ROS can be shut down."""
+        self._telling.close()
 
     # --- on, off, and whatever else the loop is asked ------------------------------------------------
 
