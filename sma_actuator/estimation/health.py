@@ -63,19 +63,19 @@ SIGNS = {
     "hold": "heat to hold a position",
     "width": "width of the loop in heat",
 }
-#: effect → its words, and the sides (+1, 0, −1) to which it moves cold, hot, hold and width; None: it may or may not.
-EFFECTS: dict[str, tuple[str, tuple[tuple[int, ...] | None, ...]]] = {
-    "lead_resistance": ("leads or contacts with more resistance", ((1,), (1,), None, None)),
-    "lead_resistance_less": ("leads or contacts with less resistance", ((-1,), (-1,), None, None)),
-    "voltage_offset": ("a zero error of a voltage channel", ((1, -1), (0, 1, -1), None, None)),
-    "shunt": ("something that conducts beside the wire", ((-1,), (-1, 0), None, None)),
-    "sense_resistor": ("a sense resistor that warms or drifts", ((0, 1, -1), (1, -1), None, None)),
-    "self_heating": ("a resistivity that rises more with temperature", ((0,), (1,), None, None)),
-    "ambient_temperature": ("surroundings of another temperature", ((0, 1, -1), (0,), (1, -1), (0,))),
-    "heat_loss": ("another heat loss: draught, a tube, another posture", ((0,), (0,), (1, -1), None)),
-    "fatigue": ("training or fatigue of the wire", (None, (0, 1), None, (0, -1))),
-    "load_cell": ("a load cell that has drifted", ((0, 1, -1), (0,), None, (0,))),
-}
+#: What may be the cause, and the sides (+1, 0, −1) to which it moves cold, hot, hold, width; None: it may or may not.
+CAUSES: tuple[tuple[str, tuple[tuple[int, ...] | None, ...]], ...] = (
+    ("leads or contacts with more resistance", ((1,), (1,), None, None)),
+    ("leads or contacts with less resistance", ((-1,), (-1,), None, None)),
+    ("a zero error of a voltage channel", ((1, -1), (0, 1, -1), None, None)),
+    ("something that conducts beside the wire", ((-1,), (-1, 0), None, None)),
+    ("a sense resistor that warms or drifts", ((0, 1, -1), (1, -1), None, None)),
+    ("a resistivity that rises more with temperature", ((0,), (1,), None, None)),
+    ("surroundings of another temperature", ((0, 1, -1), (0,), (1, -1), (0,))),
+    ("another heat loss: draught, a tube, another posture", ((0,), (0,), (1, -1), None)),
+    ("training or fatigue of the wire", (None, (0, 1), None, (0, -1))),
+    ("a load cell that has drifted", ((0, 1, -1), (0,), None, (0,))),
+)
 #: What moves the joint and leaves no trace in resistance and heat.
 BLIND = (
     "a slip or creep in crimps and mount, play, a mechanism that yields, thermal expansion of the mount, a "
@@ -379,10 +379,10 @@ def _words(name: str, sign: Sign) -> str:
 
 
 def _causes(sides: dict[str, int]) -> tuple[str, ...]:
-    """The effects that agree with every sign that was seen."""
+    """Those of CAUSES that agree with every sign that was seen, in words."""
     return tuple(
         words
-        for words, expected in EFFECTS.values()
+        for words, expected in CAUSES
         if all(
             name not in sides or allowed is None or sides[name] in allowed
             for name, allowed in zip(SIGNS, expected, strict=True)
