@@ -22,11 +22,6 @@ from .analysis import quantities
 from .evidence import Evidence
 from .witnesses import WITNESSES, Prediction
 
-#: Of what an effect moves, smoothly over any one thing that errors may go with: how far off its form may be, each as
-#: likely …
-FORMS = (0.0, 0.05, 0.1)
-#: … and that of something else that only looks like it.
-NEARLY = (0.2, 0.5, 1.0)
 PLACE = "place"  #: of the wire, and by which branch it came there
 KNOTS = 6  #: of the hat functions over each quantity, at its quantiles
 FEWER = 4  #: of those that are asked at each place

@@ -28,14 +28,10 @@ from .limits import LIMITS
 from .prepared import Prepared
 from .witnesses import WITNESSES, Power, Prediction, Residual, Rests, Springs, Witness
 
-#: Samples of one unit that say something new, where the calibration does not say how long errors last.
-INDEPENDENT_SAMPLES = 8.0
 #: Error above which a model is not of this wire, or the bench is another: half the stroke.
 HOPELESS_percent = 50.0
 #: Readings within the wire's time constant in which effects are looked for, before they are held against all.
 SOUGHT_IN_READINGS = 5.0
-#: Deviation of a row that counts at all: a sensor that is cut off says no more than one that is far off.
-LARGEST_sigma = 30.0
 
 
 class Evidence:
@@ -123,7 +119,7 @@ class Evidence:
 
     def _independent(self) -> np.ndarray:
         if not self.independent_s > 0.0:
-            return np.full(self.units, INDEPENDENT_SAMPLES)
+            return np.full(self.units, LIMITS.independent)
         lasts_s = np.zeros(self.units)
         for experiment, unit in zip(self.logs.experiments, self.unit, strict=True):
             step_s = np.diff(experiment.signals.time_s, prepend=experiment.signals.time_s[0])
@@ -263,11 +259,8 @@ def errors_percent(evidence: Evidence, predictions: Sequence[Prediction]) -> np.
 
 def limited(z: np.ndarray) -> np.ndarray:
     """``z`` with Huber's loss as half its square; what is not finite counts as the largest that counts."""
-    z = np.clip(
-        np.nan_to_num(z, nan=LARGEST_sigma, posinf=LARGEST_sigma, neginf=-LARGEST_sigma),
-        -LARGEST_sigma,
-        LARGEST_sigma,
-    )
+    most = LIMITS.largest
+    z = np.clip(np.nan_to_num(z, nan=most, posinf=most, neginf=-most), -most, most)
     size = np.abs(z)
     return np.where(
         size <= LIMITS.linear_from,

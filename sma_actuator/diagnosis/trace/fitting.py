@@ -11,9 +11,10 @@ from sma_actuator.estimation.effects import Effect
 
 from .amounts import unexpected_percent
 from .candidates import Candidate
-from .covariance import FORMS, NEARLY, Covariance
+from .covariance import Covariance
 from .evidence import Evidence, errors_percent
 from .likeliest import WIDEST, Likeliest, likeliest
+from .limits import LIMITS
 
 FOLDS = 4
 
@@ -120,7 +121,7 @@ def _intervals(evidence: Evidence, found: Likeliest, covariance: Covariance, row
     np.add.at(scores, evidence.unit_of_row[rows], a * off[:, None])
     n = len(np.unique(evidence.unit_of_row[rows]))
     by_cycles = inverse @ (scores.T @ scores) @ inverse * n / max(n - n_parameters, 1)
-    of_form = np.where(problem.is_size, np.mean(np.square((*FORMS, NEARLY[0]))) * found.u**2, 0.0)
+    of_form = np.where(problem.is_size, np.mean(np.square((*LIMITS.forms, LIMITS.nearly[0]))) * found.u**2, 0.0)
     spread = 1.96 * np.sqrt(np.maximum(np.diag(by_cycles), np.diag(inverse)) + of_form)
     out: dict[str, dict[str, tuple[float, float]]] = {c.name: {} for c in problem.candidates}
     for i, (c, f) in enumerate(problem.slots):

@@ -22,15 +22,12 @@ from sma_actuator.estimation.effects import EFFECTS
 from sma_actuator.fleet import spread
 
 from .candidates import Candidate
-from .covariance import FORMS, NEARLY, Covariance, SmoothErrors
+from .covariance import Covariance, SmoothErrors
 from .evidence import Evidence
 from .likeliest import PROBE, Likeliest, beside, changed, likeliest
 from .limits import LIMITS
 
 NOTHING, SOMETHING_ELSE = "nothing", "something else"
-LARGER_sigma = (3.0, 10.0, 30.0)  #: how large the smooth errors of something else may be, each as likely
-#: How many times as far off as usual readings may be that go with nothing, each as likely.
-LOUDER_TIMES = (2.0, 4.0, 8.0)
 GOES_WITH_NOTHING = "nothing that was looked at"
 PROMISING = 20  #: pairs that are sketched, of all
 BEST_FEW = 4  #: single effects that something else is held beside, and may look like
@@ -74,7 +71,7 @@ class Hypothesis:
 class Rows:
     """What all hypotheses about some logs are held against."""
 
-    def __init__(self, evidence: Evidence, forms: Sequence[float] = FORMS):
+    def __init__(self, evidence: Evidence, forms: Sequence[float] = LIMITS.forms):
         """``forms``: how far off the form of an effect may be, each as likely."""
         self.evidence = evidence
         self._forms = forms
@@ -101,10 +98,10 @@ class Rows:
         if self.smooth is None:
             raise ValueError("without smooth errors there is nothing that something else could be")
         for what, columns in self.smooth.new.items():
-            yield what, [self._covariance(size * columns) for size in LARGER_sigma]
+            yield what, [self._covariance(size * columns) for size in LIMITS.larger]
         counts = self.smooth.weight**2
         of_sample = np.arange(len(counts)) < self.evidence.rows_of_samples
-        louder = [(np.where(of_sample, times, 1.0), counts) for times in LOUDER_TIMES]
+        louder = [(np.where(of_sample, times, 1.0), counts) for times in LIMITS.louder]
         yield GOES_WITH_NOTHING, [self._covariance(alone=alone) for alone in louder]
 
     def of(self, found: Likeliest, shares: Sequence[float]) -> tuple[float, Covariance]:
@@ -144,7 +141,9 @@ class Rows:
                 by_what.setdefault(what, []).append(evidence)
         smooth = math.log(2.0 / 3.0 if possible else 1.0)
         parts = {what: _mean(each) - math.log(len(by_what)) + smooth for what, each in by_what.items()}
-        like = {" and ".join(one.names): self.of(one.fitted, NEARLY)[0] - math.log(3.0 * number) for one in best_few}
+        like = {
+            " and ".join(one.names): self.of(one.fitted, LIMITS.nearly)[0] - math.log(3.0 * number) for one in best_few
+        }
         evidence = float(np.logaddexp.reduce([*parts.values(), *like.values()]))
         goes_with, looks_like = (
             {k: math.exp(v - evidence) for k, v in sorted(some.items(), key=lambda item: -item[1])}

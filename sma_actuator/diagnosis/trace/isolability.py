@@ -24,9 +24,10 @@ from sma_actuator.estimation.effects import EFFECTS, Effect
 
 from .amounts import floor_percent
 from .candidates import Candidate, candidate, scales_of, untestable
-from .evidence import INDEPENDENT_SAMPLES, Evidence
+from .evidence import Evidence
 from .experiments import after_the_session, experiments, shown_m
 from .hypotheses import Rows
+from .limits import LIMITS
 from .sensitivity import built, probes, shapes, sizes
 
 SURE = math.log(9.0)  #: nats between two names from which one has 90 %
@@ -145,7 +146,7 @@ def _there(rows: Rows, effects: dict[str, Effect], tried: Sequence[tuple[str, An
     out = []
     for _, signals in tried:
         duration_s, n = float(np.ptp(signals.time_s)), len(signals.time_s)
-        new = duration_s / evidence.independent_s if evidence.independent_s > 0.0 else INDEPENDENT_SAMPLES
+        new = duration_s / evidence.independent_s if evidence.independent_s > 0.0 else LIMITS.independent
         weight = math.sqrt(rows.share * min(max(new, 1.0), n) / n)
         out.append(shown_m(evidence, chain, signals) / sigma_m * weight)
     return out

@@ -20,6 +20,12 @@ class Limits:
     linear_from: float = parameter(
         3.0, "deviation of a row above which it counts linearly (Huber): one bad reading decides nothing", "σ", 0.0
     )
+    largest: float = parameter(
+        30.0,
+        "deviation of a row that counts at all: a sensor that is cut off says no more than one that is far off",
+        "σ",
+        0.0,
+    )
     straight: float = parameter(
         0.003, "how straight the line of a spring is, in the mean over a heating or cooling", "of full stroke", 0.0
     )
@@ -38,6 +44,12 @@ class Limits:
     smooth: float = parameter(
         0.5, "standard deviation of each smooth error that a model makes on any session, over the floor", "σ", 0.0
     )
+    independent: float = parameter(
+        8.0,
+        "samples of one unit that say something new, where the calibration does not say how long errors last",
+        "1",
+        1.0,
+    )
     readings: float = parameter(
         40.0,
         "readings without a common error as which a session counts at the most: a wire that comes to the same place by "
@@ -48,6 +60,24 @@ class Limits:
 
     # What is known before the logs?
     size: float = parameter(3.0, "standard deviation of an effect's size", "typical sizes", 0.0)
+    forms: tuple[float, ...] = parameter(
+        (0.0, 0.05, 0.1),
+        "how far off the form of an effect may be, smoothly over any one thing that errors may go with, each as likely",
+        "of what it moves",
+        0.0,
+    )
+    nearly: tuple[float, ...] = parameter(
+        (0.2, 0.5, 1.0), "the same of something else that only looks like it", "of what it moves", 0.0
+    )
+    larger: tuple[float, ...] = parameter(
+        (3.0, 10.0, 30.0), "how large the smooth errors of something else may be, each as likely", "σ", 0.0
+    )
+    louder: tuple[float, ...] = parameter(
+        (2.0, 4.0, 8.0),
+        "how many times as far off as usual readings may be that go with nothing, each as likely",
+        "times",
+        1.0,
+    )
     nothing: float = parameter(0.3, "probability that nothing has happened", "1", 0.0, 1.0)
     rare: float = parameter(
         0.1,
@@ -58,6 +88,10 @@ class Limits:
         0.5,
     )
     enough: float = parameter(0.9, "probability that a set of names must have to be given", "1", 0.0, 1.0)
+    names: int = parameter(3, "names that a set may have at the most: a longer list says nothing", "1", 1)
+    missing: int = parameter(
+        3, "effects that a model may lack from its beginning at the most: many together imitate anything", "1", 1
+    )
 
 
 LIMITS = Limits()
@@ -78,7 +112,9 @@ def markdown() -> str:
     for field in dataclasses.fields(Limits):
         declared = declaration_of(field)
         unit = "" if declared.unit == "1" else declared.unit
-        out.append(f"| `{field.name}` | {field.default:g} | {unit} | {declared.description} |")
+        values = field.default if isinstance(field.default, tuple) else (field.default,)
+        shown = ", ".join(f"{value:g}" for value in values)
+        out.append(f"| `{field.name}` | {shown} | {unit} | {declared.description} |")
     return "\n".join(out) + "\n"
 
 

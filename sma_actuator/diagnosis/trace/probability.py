@@ -11,7 +11,6 @@ import numpy as np
 from .hypotheses import NOTHING, SOMETHING_ELSE, Hypothesis
 from .limits import LIMITS
 
-MOST_NAMES = 3  #: that a set may have: a longer list says nothing
 NO_NAMES = (NOTHING, SOMETHING_ELSE)
 
 
@@ -45,7 +44,7 @@ class Probabilities:
         likely = [name for name in self.by_name if name not in NO_NAMES]
         of_best = [name for name in likely if name in self.best]
         names = of_best + [name for name in likely if name not in of_best]
-        sets = [names[:number] for number in range(len(of_best), MOST_NAMES + 1) if of_best]
+        sets = [names[:number] for number in range(len(of_best), LIMITS.names + 1) if of_best]
         certain = [name for name in of_best if self.by_name[name] >= LIMITS.enough]
         given = next((some for some in sets if self.within(some) >= LIMITS.enough), certain)
         return ("traced", given) if given else ("unexplained", [])

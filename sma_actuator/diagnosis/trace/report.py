@@ -25,7 +25,7 @@ from .experiments import best_experiment
 from .hypotheses import NOTHING, SOMETHING_ELSE, Rows
 from .likeliest import likeliest
 from .limits import LIMITS
-from .probability import MOST_NAMES, NO_NAMES
+from .probability import NO_NAMES
 from .tracing import Tracing, of_the_model
 
 DRAWS = 1000
@@ -125,12 +125,12 @@ def sentence(tracing: Tracing, depends: dict[str, float], alternatives: Sequence
     )
     text += f" By its form it goes with {goes_with}." if goes_with else ""
     by_name = tracing.probabilities.by_name
-    likely = [n for n, share in by_name.items() if n not in NO_NAMES and share >= LEAST_SAID][:MOST_NAMES]
+    likely = [n for n, share in by_name.items() if n not in NO_NAMES and share >= LEAST_SAID][: LIMITS.names]
     if tracing.probabilities.best[0] in NO_NAMES:
         text += f" It looks like {looks_like}, but has not quite that form." if looks_like else ""
         text += " Something else than any of them is the most probable"
     else:
-        text += f" No {MOST_NAMES} names together are probable enough"
+        text += f" No {LIMITS.names} names together are probable enough"
     shares = _listed([f"{n} {by_name[n]:.0%}" for n in likely])
     text += f"; of the names {shares}." if likely else f"; no name has {LEAST_SAID:.0%}."
     if names:
@@ -198,7 +198,7 @@ def _nothing(tracing: Tracing, share: float) -> str:
         f": of the error {off} is not what the calibration lets expect, where {floor_percent(tracing.evidence):.2f} % "
         "is usual"
     )
-    text += f", and it may be {_listed([f'{n} ({p:.0%})' for n, p in others[:MOST_NAMES]])}." if others else "."
+    text += f", and it may be {_listed([f'{n} ({p:.0%})' for n, p in others[: LIMITS.names]])}." if others else "."
     number = tracing.evidence.readings
     return f"{text} They say as much as {number:.0f} readings that share no error; other currents and loads say more."
 

@@ -18,10 +18,8 @@ from .evidence import Evidence, errors_percent
 from .fitting import Fit, fit_of
 from .hypotheses import Hypothesis, Progress, Rows, fitted, pairs
 from .limits import LIMITS
-from .probability import MOST_NAMES, NO_NAMES, Probabilities, weighed
+from .probability import NO_NAMES, Probabilities, weighed
 from .witnesses import Prediction
-
-MOST_MISSING = 3  #: effects that a model may lack from its beginning; many together imitate anything
 
 
 @dataclass(slots=True)
@@ -60,7 +58,7 @@ class Tracing:
         if {*self.probabilities.best} <= {*self.names} or not self.names:
             return []
         others = [n for n in self.probabilities.by_name if n not in (*self.names, *NO_NAMES)]
-        return others[: MOST_NAMES - len(self.names)]
+        return others[: LIMITS.names - len(self.names)]
 
     @property
     def alternatives(self) -> dict[str, Hypothesis]:
@@ -162,7 +160,7 @@ def _lacking(
 ) -> list[tuple[float, Hypothesis]]:
     """What a model lacked from its beginning: one effect after the other, as long as one more is probable."""
     found = [(LIMITS.nothing, rows.nothing())]
-    for number in range(1, MOST_MISSING + 1):
+    for number in range(1, LIMITS.missing + 1):
         before, best = max(found, key=lambda one: log(one[0]) + one[1].log_evidence)
         if len(best.names) + (best.found is not None) < number:
             break

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sma_actuator.diagnosis.trace.hypotheses import NOTHING, SOMETHING_ELSE, Hypothesis
-from sma_actuator.diagnosis.trace.probability import MOST_NAMES, Probabilities, weighed
+from sma_actuator.diagnosis.trace.limits import LIMITS
+from sma_actuator.diagnosis.trace.probability import Probabilities, weighed
 
 
 def hypothesis(name, evidence, objection=""):
@@ -77,7 +78,7 @@ def test_a_name_is_as_probable_as_all_hypotheses_that_have_it():
 def test_the_smallest_set_is_given_or_what_is_certain_by_itself(said, verdict):
     names = said.verdict
     assert (names[0], sorted(names[1])) == (verdict[0], sorted(verdict[1]))
-    assert len(names[1]) <= MOST_NAMES
+    assert len(names[1]) <= LIMITS.names
 
 
 def test_of_one_it_is_within_a_set_that_one_of_its_names_is_there():

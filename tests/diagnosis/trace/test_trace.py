@@ -18,7 +18,6 @@ from sma_actuator.diagnosis.trace import Evidence, trace
 from sma_actuator.diagnosis.trace.amounts import floor_percent, unexpected_percent
 from sma_actuator.diagnosis.trace.analysis import quantities
 from sma_actuator.diagnosis.trace.candidates import candidate, scales_of, untestable
-from sma_actuator.diagnosis.trace.covariance import FORMS, NEARLY
 from sma_actuator.diagnosis.trace.evidence import limited
 from sma_actuator.diagnosis.trace.experiments import best_experiment
 from sma_actuator.diagnosis.trace.fitting import fit, fit_of
@@ -924,7 +923,7 @@ def test_something_else_may_drift_in_one_witness_alone(clean, witness):
 
 @pytest.mark.parametrize(
     ("over", "by"),
-    [*(pytest.param("place", by, marks=pytest.mark.long) for by in NEARLY[1:3]), ("time_s", NEARLY[1])],
+    [*(pytest.param("place", by, marks=pytest.mark.long) for by in LIMITS.nearly[1:3]), ("time_s", LIMITS.nearly[1])],
 )
 def test_what_has_only_nearly_the_form_of_an_effect_is_something_else_that_looks_like_it(a_lead, over, by):
     """A lead keeps its name; what moves the rows like one, but now or here by much more or less, does not."""
@@ -937,7 +936,7 @@ def test_what_has_only_nearly_the_form_of_an_effect_is_something_else_that_looks
     more = by * columns @ np.random.default_rng(6).standard_normal(columns.shape[1])
     sides = tuple(side + more[:, None] for side in fitted.sides)
     bent = dataclasses.replace(fitted, rows=fitted.rows + more, sides=sides)
-    (its_own, _), (nearly, _) = (rows.of(bent, shares) for shares in (FORMS, NEARLY))
+    (its_own, _), (nearly, _) = (rows.of(bent, shares) for shares in (LIMITS.forms, LIMITS.nearly))
     assert nearly > its_own + 2.0
     known = dataclasses.replace(lead, found=bent, log_evidence=its_own)
     rows.plain = rows.plain + more
