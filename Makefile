@@ -2,13 +2,13 @@
 # make test   the tests; make long-tests those that take longer
 # make check  format, lint, types and the floors of the house
 # make floor  what the tests of the rooms that say what current may flow reach of them
-# make counterparts   the driver against instruments that others wrote (FOREIGN_PYTHON=python3.12 for those that want it)
+# make counterparts   the driver against instruments that others wrote (FOREIGN_PYTHON=python3.12 for one of them)
 # make release  sdist and wheel, tried from the wheel
 # make fuzz   every parser of files and messages (MINUTES=60)
 # make audit, make sbom   published holes in what is installed; its bill of materials
 # make docs   the documentation with the API reference, warnings are errors
 # make tables, make benchmarks, make coefficients   the figures and the models, made again
-# Both do all their own set-up: a virtual environment with pinned ROS 2 wheels in .venv.
+# All do their own set-up: a virtual environment with pinned ROS 2 wheels in .venv.
 
 PYTHON ?= python3
 VENV := .venv
@@ -17,10 +17,13 @@ DURATION ?= 60
 WIRE ?= flexinol
 EXTRAS := ros,speed,report,view,foxglove,bags,baselines,pymeasure,fleet,formats,completion,test,check,docs
 
-# A test run starts some hundred interpreters, none of which is to compile the sources again, whatever the environment says.
+# A test run starts some hundred interpreters, none of which is to compile the sources again, whatever the environment
+# says.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: fuzz audit sbom release counterparts page attack mutants demo test long-tests check docs coverage floor results pictures tables benchmarks coefficients blind-trial own-baseline whole-range control-worlds feed-forward tuning pair fleet foreign-speed tutorial forward health clean
+.PHONY: fuzz audit sbom release counterparts page attack mutants demo test long-tests check docs coverage floor \
+    results pictures tables benchmarks coefficients blind-trial own-baseline whole-range control-worlds \
+    feed-forward tuning pair fleet foreign-speed tutorial forward health clean
 
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION) $(if $(VIEW),--view)
@@ -41,7 +44,8 @@ micropython:
 	npm install --prefix .node --no-save --no-audit --no-fund @micropython/micropython-webassembly-pyscript@1.27.0
 
 .PHONY: viewers
-# Packages of Foxglove's for Node, pinned by package-lock.json, which open recordings in tests; without Node those tests skip.
+# Packages of Foxglove's for Node, pinned by package-lock.json, which open recordings in tests; without Node those
+# tests skip.
 VIEWERS := tests/viewers/node_modules/.package-lock.json
 viewers: $(VIEWERS)
 $(VIEWERS): tests/viewers/package-lock.json
@@ -108,7 +112,8 @@ benchmarks: $(VENV)/ready
 coefficients: $(VENV)/ready
 	$(BIN)/python benchmarks/coefficients.py
 
-# Trace sessions with effects hidden in them, and judge what is said (about 20 minutes); the trial's own options in TRIAL.
+# Trace sessions with effects hidden in them, and judge what is said (about 20 minutes); the trial's own options in
+# TRIAL.
 TRIAL ?=
 blind-trial: $(VENV)/ready
 	$(BIN)/python benchmarks/blind_trial.py $(TRIAL)
@@ -122,20 +127,22 @@ WHOLE ?=
 whole-range: $(VENV)/ready
 	$(BIN)/python benchmarks/whole_range.py $(WHOLE)
 
-# The judge of the control loop: init, characterise, identify, init, drive, in eight designed and 24 drawn physics, both alloys, both laws.
-# Two minutes of one core for each wire and half a minute for each law that drives it: three hours in all the first time; what is
-# stopped goes on where it was.  A sample in CONTROL: --physics foreign drawn-117, or --every 4.
+# The judge of the control loop: init, characterise, identify, init, drive, in eight designed and 24 drawn physics,
+# both alloys, both laws.  Two minutes of one core for each wire and half a minute for each law that drives it: three
+# hours in all the first time; what is stopped goes on where it was.  A sample in CONTROL: --physics foreign
+# drawn-117, or --every 4.
 CONTROL ?=
 control-worlds: $(VENV)/ready
 	$(BIN)/python benchmarks/control_worlds.py $(CONTROL)
 
-# What feed-forward takes off the error of the PID, per physics, also with a model whose heat is wrong (a quarter of an hour the first
-# time; options in FORWARD_LAW).
+# What feed-forward takes off the error of the PID, per physics, also with a model whose heat is wrong (a quarter of
+# an hour the first time; options in FORWARD_LAW).
 FORWARD_LAW ?=
 feed-forward: $(VENV)/ready
 	$(BIN)/python benchmarks/feed_forward.py $(FORWARD_LAW)
 
-# Gains tuned from ten times off, beside the shipped ones, per physics of the bench (a quarter of an hour the first time; options in TUNING).
+# Gains tuned from ten times off, beside the shipped ones, per physics of the bench (a quarter of an hour the first
+# time; options in TUNING).
 TUNING ?=
 tuning: $(VENV)/ready
 	$(BIN)/python benchmarks/tuning.py $(TUNING)
@@ -145,12 +152,14 @@ PAIR ?=
 pair: $(VENV)/ready
 	$(BIN)/python benchmarks/pair.py $(PAIR)
 
-# What the driver says of its model's health: false alarms in virtual hours on every physics, then drifts in growing strength.
+# What the driver says of its model's health: false alarms in virtual hours on every physics, then drifts in growing
+# strength.
 health: $(VENV)/ready
 	$(BIN)/python benchmarks/health.py --wire flexinol furukawa
 	$(BIN)/python benchmarks/health.py --drifts
 
-# Judge the logs of a fleet over a Dask cluster and an S3-compatible server, a worker killed on the way (options in FLEET).
+# Judge the logs of a fleet over a Dask cluster and an S3-compatible server, a worker killed on the way (options in
+# FLEET).
 FLEET ?=
 fleet: $(VENV)/ready
 	$(BIN)/python benchmarks/fleet.py $(FLEET)
@@ -172,12 +181,14 @@ forward: $(VENV)/ready
 	@test -n "$(FORWARD_RUNS)" || { echo "no runs in $(FORWARD_DATA); set FORWARD_DATA to a folder of CSV files"; exit 1; }
 	$(BIN)/sma-actuator forward $(FORWARD_RUNS) --wire config/flexinol_050_forward.yaml --out out/forward --force
 
-# Attack the driver at random for as long as ATTACK says (--minutes 60), go on where the last stopped, keep it with its commit, and write what held to docs/attack.md.
+# Attack the driver at random for as long as ATTACK says (--minutes 60), go on where the last stopped, keep it with
+# its commit, and write what held to docs/attack.md.
 ATTACK ?=
 attack: $(VENV)/ready
 	nice -n 5 $(BIN)/python -m attack $(ATTACK)
 
-# Change what guards the wire, one place at a time, and see that a test notices (hours; MUTANTS: targets, or --minutes 8; it goes on where it was).
+# Change what guards the wire, one place at a time, and see that a test notices (hours; MUTANTS: targets, or --minutes
+# 8; it goes on where it was).
 MUTANTS ?=
 mutants: $(VENV)/ready
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[mutants]'
@@ -194,7 +205,8 @@ sbom: $(VENV)/ready
 	mkdir -p out
 	$(BIN)/cyclonedx-py requirements requirements.lock --output-reproducible --of JSON -o out/sbom.json
 
-# Feed every parser with inputs that reach new lines of it (MINUTES for all of them; PARSERS: some; what breaks one joins attack/corpus).
+# Feed every parser with inputs that reach new lines of it (MINUTES for all of them; PARSERS: some; what breaks one
+# joins attack/corpus).
 PARSERS ?=
 fuzz: $(VENV)/ready
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[fuzz]'
