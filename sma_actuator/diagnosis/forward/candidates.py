@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .fitting import Free
+from .fitting import ForwardFree
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,7 @@ class ForwardCandidate:
 
     name: str
     sentence: str  #: what would be said of the bench if it earned its place
-    free: tuple[Free, ...]
+    free: tuple[ForwardFree, ...]
     part: str  #: where it lies: mechanism, sensor, heat, alloy or circuit
     signature: str  #: what in the record tells it from the others
     remedy: str  #: what a person can do about it
@@ -33,8 +33,8 @@ class ForwardCandidate:
         return tuple(f.name for f in self.free)
 
 
-def _f(name: str, unit: str, lo: float, hi: float, start: float) -> Free:
-    return Free(f"effects.{name}", unit, lo, hi, start)
+def _f(name: str, unit: str, lo: float, hi: float, start: float) -> ForwardFree:
+    return ForwardFree(f"effects.{name}", unit, lo, hi, start)
 
 
 CANDIDATES = (
@@ -175,7 +175,7 @@ CANDIDATES = (
     ForwardCandidate(
         "other expansion",
         "the hot wire expands less, or more, than the maker's coefficient says",
-        (Free("wire.austenite_expansion_1_K", "1/K", 6e-6, 15e-6, 9e-6),),
+        (ForwardFree("wire.austenite_expansion_1_K", "1/K", 6e-6, 15e-6, 9e-6),),
         "alloy",
         "the size of the movement between power off and the first martensite",
         "Nothing to repair: the fitted model has it.",

@@ -24,7 +24,7 @@ _SCREEN = 8  #: evaluations from each start before the best two go on
 
 
 @dataclass(frozen=True)
-class Free:
+class ForwardFree:
     """One value the fit may move: dotted name, unit, bounds and where it starts."""
 
     name: str
@@ -38,7 +38,7 @@ class Free:
         return min(value - self.lo, self.hi - value) < 0.01 * (self.hi - self.lo)
 
 
-def plain_parameters(wire: ForwardWire) -> list[Free]:
+def plain_parameters(wire: ForwardWire) -> list[ForwardFree]:
     """What of the plain model is fitted: losses and capacity, latent heat, temperatures, strain.
 
     Specific heat: calorimetry gives 450 to 620 J/(kg·K), the maker 837, to 10 %.
@@ -50,17 +50,19 @@ def plain_parameters(wire: ForwardWire) -> list[Free]:
     down = TOLERANCE_K + STATED_AT_Pa / w.stress_slope_Pa_K
 
     def around(name, value):
-        return Free(name, "°C", value - down, value + TOLERANCE_K, value - 0.5 * down)
+        return ForwardFree(name, "°C", value - down, value + TOLERANCE_K, value - 0.5 * down)
 
     return [
-        Free("surroundings.heat_transfer_W_m2K", "W/(m²·K)", 10.0, 300.0, wire.surroundings.heat_transfer_W_m2K),
-        Free("wire.specific_heat_J_kgK", "J/(kg·K)", 450.0, 920.0, min(max(w.specific_heat_J_kgK, 460.0), 900.0)),
-        Free("wire.latent_heat_J_kg", "J/kg", 5e3, 35e3, min(max(w.latent_heat_J_kg, 6e3), 34e3)),
+        ForwardFree("surroundings.heat_transfer_W_m2K", "W/(m²·K)", 10.0, 300.0, wire.surroundings.heat_transfer_W_m2K),
+        ForwardFree(
+            "wire.specific_heat_J_kgK", "J/(kg·K)", 450.0, 920.0, min(max(w.specific_heat_J_kgK, 460.0), 900.0)
+        ),
+        ForwardFree("wire.latent_heat_J_kg", "J/kg", 5e3, 35e3, min(max(w.latent_heat_J_kg, 6e3), 34e3)),
         around("wire.austenite_start_C", w.austenite_start_C),
-        Free("austenite_width_K", "K", 2.0, 50.0, w.austenite_finish_C - w.austenite_start_C),
+        ForwardFree("austenite_width_K", "K", 2.0, 50.0, w.austenite_finish_C - w.austenite_start_C),
         around("wire.martensite_start_C", w.martensite_start_C),
-        Free("martensite_width_K", "K", 2.0, 50.0, w.martensite_start_C - w.martensite_finish_C),
-        Free("wire.transformation_strain", "", 0.002, 0.06, w.transformation_strain),
+        ForwardFree("martensite_width_K", "K", 2.0, 50.0, w.martensite_start_C - w.martensite_finish_C),
+        ForwardFree("wire.transformation_strain", "", 0.002, 0.06, w.transformation_strain),
     ]
 
 
@@ -71,7 +73,7 @@ _WIDTHS = (
 )
 
 
-def apply(wire: ForwardWire, free: Sequence[Free], values: np.ndarray) -> ForwardWire:
+def apply(wire: ForwardWire, free: Sequence[ForwardFree], values: np.ndarray) -> ForwardWire:
     """The wire with fitted values in it."""
     found = {f.name: float(v) for f, v in zip(free, values, strict=True)}
     for start, width, finish, sign in _WIDTHS:
@@ -101,14 +103,18 @@ class ForwardFit:
     """A fitted wire: the values found, in the order of ``free``, and the RMS of what is left [m]."""
 
     wire: ForwardWire
-    free: tuple[Free, ...]
+    free: tuple[ForwardFree, ...]
     values: np.ndarray
     rms_m: float
 
 
 @one_thread()
 def fit(
-    wire: ForwardWire, free: Sequence[Free], runs: Sequence[Run], starts: Sequence[np.ndarray], evaluations: int = 40
+    wire: ForwardWire,
+    free: Sequence[ForwardFree],
+    runs: Sequence[Run],
+    starts: Sequence[np.ndarray],
+    evaluations: int = 40,
 ) -> ForwardFit:
     """The best of the fits from ``starts``; every run weighs the same, however long."""
     lo, hi = np.array([f.lo for f in free]), np.array([f.hi for f in free])
@@ -135,7 +141,7 @@ def fit(
     return ForwardFit(apply(wire, free, values), tuple(free), values, float(np.sqrt(2.0 * best.cost)) * 1e-3)
 
 
-def plain_starts(free: Sequence[Free]) -> list[np.ndarray]:
+def plain_starts(free: Sequence[ForwardFree]) -> list[np.ndarray]:
     """A few starts: the maker's, wider and cooler bands with less and with more heat capacity, and a wire that little
     power makes hot (else the mean voltage, a fraction of the RMS, would find no way to move the slider at all)."""
     first = np.array([f.start for f in free])

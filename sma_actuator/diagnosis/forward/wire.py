@@ -85,7 +85,7 @@ class Drive:
 
 
 @dataclass(frozen=True)
-class Effects:
+class ForwardEffects:
     """What Liang & Rogers lack; every value here is "none" until a run of a bench asks for it."""
 
     friction_N: float = parameter(0.0, "Coulomb friction of the slider", "N", 0.0, 20.0)
@@ -128,7 +128,7 @@ class ForwardWire:
     surroundings: Surroundings = section(Surroundings, "where the heat goes")
     bias: Bias = section(Bias, "the bias spring")
     drive: Drive = section(Drive, "the drive")
-    effects: Effects = section(Effects, "what Liang & Rogers lack")
+    effects: ForwardEffects = section(ForwardEffects, "what Liang & Rogers lack")
 
     def with_values(self, values: Mapping[str, float | str]) -> ForwardWire:
         """Copy with dotted names, ``effects.friction_N``, set."""
@@ -225,7 +225,7 @@ _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
 _WEIGHTS = _WEIGHTS / _WEIGHTS.sum()
 
 
-def segments(effects: Effects) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def segments(effects: ForwardEffects) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Parts of the wire: share of the length, shift of the transformation temperatures [K], factor of the heat loss."""
     share, shift, loss = np.ones(1), np.zeros(1), np.ones(1)
     if effects.spread_K > 0.0:

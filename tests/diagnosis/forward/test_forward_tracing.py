@@ -11,7 +11,7 @@ from sma_actuator.diagnosis.forward.fitting import fit, plain_parameters, plain_
 from sma_actuator.diagnosis.forward.race import trace_runs
 from sma_actuator.diagnosis.forward.report import sentences, summary
 from sma_actuator.diagnosis.forward.runs import read_run
-from sma_actuator.diagnosis.forward.wire import Effects
+from sma_actuator.diagnosis.forward.wire import ForwardEffects
 
 FEW = tuple(named(n) for n in ("backlash", "dead time", "natural convection", "spread", "lead resistance"))
 
@@ -100,7 +100,7 @@ def test_every_candidate_keeps_to_what_its_parameters_are_declared_for():
         for free in candidate.free:
             where, _, key = free.name.partition(".")
             if where == "effects":
-                declared = declaration_of(Effects.__dataclass_fields__[key])
+                declared = declaration_of(ForwardEffects.__dataclass_fields__[key])
                 assert declared.lo <= free.lo < free.start < free.hi <= declared.hi, free.name
                 assert free.unit == declared.unit
 
