@@ -43,6 +43,9 @@ _TEXTS_B, _WHOLE_B = 20, 150
 _MATLAB_HEADER_B, _MATLAB_TAG_B, _MATLAB_PACKED, _CHARACTER_B = 128, 8, 15, 4
 #: Kinds of its elements: numbers, matrices and what they are packed in, text; how deep structures stand in each other.
 _MATLAB_KINDS, _MATLAB_MATRIX, _MATLAB_DEEPEST = {*range(1, 8), 9, *range(12, 19)}, 14, 20
+#: How a matrix begins (kind and length of its flags); which of them are of characters and numbers, and which of these
+#: has rows and columns beside; what in the flags says that there is an imaginary part.
+_MATLAB_FLAGS, _MATLAB_NUMBERS, _MATLAB_SPARSE, _MATLAB_COMPLEX = (6, 8), range(4, 16), 5, 0x800
 _NUMBER_B = 8
 _SHORTEST = 10  #: rows of a sheet that may be a log, beside others with some results
 
@@ -224,8 +227,10 @@ def _look_at_matlab(path: Path) -> None:
                 _look_at_elements(path, content[begin:at], order, 0)
 
 
-def _look_at_elements(path: Path, content: bytes, order: str, level: int) -> None:
-    """Refuse elements that are of no kind there is, longer than what they stand in, or nested beyond reason."""
+def _look_at_elements(path: Path, content: bytes, order: str, level: int) -> list[int]:
+    """Refuse elements that are of no kind there is, longer than what they stand in, or nested beyond reason; the kind
+    of each."""
+    kinds: list[int] = []
     at = 0
     while at + _MATLAB_TAG_B <= len(content):
         kind, length_B = struct.unpack_from(f"{order}II", content, at)
@@ -237,8 +242,24 @@ def _look_at_elements(path: Path, content: bytes, order: str, level: int) -> Non
             at = begin + length_B + -length_B % _MATLAB_TAG_B
         if kind not in _MATLAB_KINDS or length_B > room_B or level > _MATLAB_DEEPEST:
             raise BenchLogError(f"{path}: is no readable .mat file (an element of kind {kind} with {length_B} bytes)")
-        if kind == _MATLAB_MATRIX:
-            _look_at_elements(path, content[begin : begin + length_B], order, level + 1)
+        if kind == _MATLAB_MATRIX and length_B:
+            inside = content[begin : begin + length_B]
+            _look_at_matrix(path, inside, _look_at_elements(path, inside, order, level + 1), order)
+        kinds.append(kind)
+    return kinds
+
+
+def _look_at_matrix(path: Path, content: bytes, kinds: list[int], order: str) -> None:
+    """Refuse a matrix that lacks some of its numbers: SciPy reads on in what follows, and breaks on another matrix."""
+    tag = struct.unpack_from(f"{order}II", content) if len(content) >= 2 * _MATLAB_TAG_B else ()
+    flags = struct.unpack_from(f"{order}I", content, _MATLAB_TAG_B)[0] if tag == _MATLAB_FLAGS else 0
+    which, parts = flags & 0xFF, bool(flags & _MATLAB_COMPLEX)
+    if which in _MATLAB_NUMBERS:
+        parts += 3 if which == _MATLAB_SPARSE else 1
+        if _MATLAB_MATRIX in kinds or len(kinds) < 3 + parts:  # flags, size and name come first
+            raise BenchLogError(f"{path}: is no readable .mat file (a matrix without all of its numbers)")
+    elif not which:
+        raise BenchLogError(f"{path}: is no readable .mat file (a matrix that does not say of what)")
 
 
 def _tdms(path: Path) -> Table:
