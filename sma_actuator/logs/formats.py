@@ -253,9 +253,9 @@ def _look_at_matrix(path: Path, content: bytes, kinds: list[int], order: str) ->
     """Refuse a matrix that lacks some of its numbers: SciPy reads on in what follows, and breaks on another matrix."""
     tag = struct.unpack_from(f"{order}II", content) if len(content) >= 2 * _MATLAB_TAG_B else ()
     flags = struct.unpack_from(f"{order}I", content, _MATLAB_TAG_B)[0] if tag == _MATLAB_FLAGS else 0
-    which, parts = flags & 0xFF, bool(flags & _MATLAB_COMPLEX)
+    which, is_complex = flags & 0xFF, bool(flags & _MATLAB_COMPLEX)
     if which in _MATLAB_NUMBERS:
-        parts += 3 if which == _MATLAB_SPARSE else 1
+        parts = (3 if which == _MATLAB_SPARSE else 1) + is_complex
         if _MATLAB_MATRIX in kinds or len(kinds) < 3 + parts:  # flags, size and name come first
             raise BenchLogError(f"{path}: is no readable .mat file (a matrix without all of its numbers)")
     elif not which:
