@@ -9,9 +9,10 @@ import time
 import pytest
 from stand_ins import StandInDaq, StandInSupply
 
+from sma_actuator.base.realtime import RealtimeRefused
 from sma_actuator.base.signals import Command, Mode, Reading, SupplyState
 from sma_actuator.config import Config
-from sma_actuator.driver import CURRENT_RESOLUTION_A, NOT_ASKED, CHECK_PERIOD_s, Driver, DriverStopped
+from sma_actuator.driver import CURRENT_RESOLUTION_A, NOT_ASKED, OFF_MEANWHILE, CHECK_PERIOD_s, Driver, DriverStopped
 from sma_actuator.instruments import InstrumentLost, InstrumentUnreachable, LimitsNotHeld, OutputStaysOn
 from sma_actuator.safety.faults import FAULTS
 from sma_actuator.safety.guards.program import loop_hung
@@ -900,6 +901,42 @@ class TestEnd:
         rig.driver.tick()  # as in a loop that is late and does not sleep
         assert fourth.done()
         assert rig.driver.call(lambda actuator, now_s: now_s) == rig.clock.s
+
+    def test_an_on_that_is_wanted_no_more_when_its_turn_comes_is_none(self, make):
+        rig = make()
+        rig.steps(3)
+        assert rig.driver.enable(True, wanted=lambda: False) == (False, OFF_MEANWHILE)
+        rig.steps(2)
+        assert not rig.supply.output_on
+
+    def test_an_off_ends_an_on_that_waits_for_its_turn(self, make, monkeypatch):
+        rig = make()
+        rig.steps(3)
+        rig.driver._thread = threading.Thread()  # whose loop is held up
+        monkeypatch.setattr("concurrent.futures.wait", lambda *_: rig.driver.enable(False, timeout_s=0.0))
+        assert rig.driver.enable(True, timeout_s=60.0) == (False, OFF_MEANWHILE)
+        rig.driver._thread = None
+
+    def test_an_on_that_the_supply_does_not_read_back_is_none(self, make, monkeypatch):
+        rig = make()
+        rig.steps(3)
+        rig.driver._thread = threading.Thread()  # that takes calls, and makes no steps
+        monkeypatch.setattr("concurrent.futures.wait", lambda *_: rig.driver.run_calls())
+        done, words = rig.driver.enable(True, timeout_s=0.05)
+        assert not done and words.endswith("has not read that back within 0.05 s")
+        rig.driver._thread = None
+
+    def test_where_the_system_refuses_what_the_loop_wants_its_thread_has_ended(self, make, monkeypatch):
+        def refused(_):
+            raise RealtimeRefused("no")
+
+        rig, ended = make(), threading.Event()
+        monkeypatch.setattr("sma_actuator.base.realtime.begin", refused)
+        finish = rig.driver._finish
+        rig.driver._finish = lambda: (ended.wait(0.2), finish(), ended.set())
+        with pytest.raises(RealtimeRefused):
+            rig.driver.start()
+        assert ended.is_set() and rig.supply.shut_downs
 
     def test_a_call_that_began_in_the_last_moment_is_waited_for(self, make):
         rig = make()
