@@ -490,7 +490,7 @@ def test_after_a_reset_a_contracted_wire_is_one_of_which_nothing_is_known(wire):
 def test_a_live_parameter_arrives_at_the_hot_end(config):
     chain = Chain(config)
     chain.update(config.replace({"thermal.ambient_tolerance": 3.0}))
-    assert chain._hot_end._tolerance_K == 3.0
+    assert chain._hot_end.line[-1] == 3.0
 
 
 @pytest.mark.parametrize("bound", ["resistance_min", "resistance_max"])
