@@ -11,7 +11,7 @@ from sma_actuator.bench.in_process import InProcessDaq, InProcessSupply, Virtual
 from sma_actuator.config import Config
 from sma_actuator.driver import NOT_ASKED, Driver, DriverStopped
 from sma_actuator.driver.link import Link
-from sma_actuator.instruments import InstrumentLost, InstrumentUnreachable, LimitsNotHeld, OutputStaysOn
+from sma_actuator.instruments import InstrumentLate, InstrumentLost, InstrumentUnreachable, LimitsNotHeld, OutputStaysOn
 
 
 class NotedSupply(InProcessSupply):
@@ -321,6 +321,62 @@ class TestLink:
                 when_s.append(round(one.now_s - start_s, 2))
                 self.lost(link, InstrumentLost("no answer"))
         assert when_s == pytest.approx([0.0, 0.1, 0.3, 0.7, 1.2, 1.7], abs=0.011)
+
+    def taking(self, link, seconds, error=None):
+        """A question whose answer takes so long, or that long to fail."""
+
+        def question():
+            link.instrument.now_s += seconds
+            if error is not None:
+                raise error
+            return 7
+
+        return question
+
+    def test_it_is_waited_for_while_it_is_asked_for_as_long_as_its_answer_may_take(self, link):
+        seen_s = []
+
+        def question():
+            for _ in range(3):
+                link.instrument.now_s += 0.08
+                seen_s.append(link.waited_s())
+
+        for _ in range(2):
+            link.ask(question)
+        assert seen_s == pytest.approx([0.08, 0.16, 0.2, 0.28, 0.36, 0.4])
+
+    @pytest.mark.parametrize("error", [InstrumentLate("late", 1.0), InstrumentLost("gone")], ids=["late", "lost"])
+    def test_an_answer_that_does_not_come_is_among_the_slowest(self, link, error):
+        link.ask(self.taking(link, 0.15, error))
+        assert link.slowest.longest_s(link.instrument.now_s) == pytest.approx(0.15)
+
+    def test_one_that_must_answer_is_asked_until_it_has(self, link):
+        late = self.taking(link, 0.3, InstrumentLate("late", 1.0))
+        answers = iter((late, late, lambda: 7))
+        link.insist(lambda: next(answers)(), 1.0)
+        assert next(answers, None) is None and not link.late
+
+    def test_but_not_for_longer_than_there_is_patience(self, link):
+        asked_s = []
+
+        def question():
+            asked_s.append(link.instrument.now_s - 100.0)
+            self.taking(link, 0.3, InstrumentLate("late", 1.0))()
+
+        link.insist(question, 1.0)
+        assert link.late and asked_s == pytest.approx([0.0, 0.3, 0.6, 0.9])
+
+    def test_what_is_told_to_one_that_owed_an_answer_is_done_once(self, link):
+        """What is only told is not waited for: that it owed something is of no moment then."""
+        told_s = []
+
+        def tell():
+            told_s.append(link.instrument.now_s)
+            link.instrument.now_s += 0.3
+
+        link.late = True
+        link.insist(tell, 1.0)
+        assert told_s == [100.0]
 
     def test_a_defect_is_none_of_the_instruments(self, link):
         with pytest.raises(ZeroDivisionError):
