@@ -352,9 +352,13 @@ class TestLink:
 
     def test_one_that_must_answer_is_asked_until_it_has(self, link):
         late = self.taking(link, 0.3, InstrumentLate("late", 1.0))
-        answers = iter((late, late, lambda: 7))
-        link.insist(lambda: next(answers)(), 1.0)
-        assert next(answers, None) is None and not link.late
+        answers = [late, late, lambda: 7]
+
+        def question():
+            return answers.pop(0)()
+
+        link.insist(question, 1.0)
+        assert not answers and not link.late
 
     def test_but_not_for_longer_than_there_is_patience(self, link):
         asked_s = []
