@@ -13,7 +13,7 @@ from sma_actuator.base.realtime import RealtimeRefused
 from sma_actuator.base.signals import Command, Mode, Reading, SupplyState
 from sma_actuator.config import Config
 from sma_actuator.driver import CURRENT_RESOLUTION_A, NOT_ASKED, OFF_MEANWHILE, CHECK_PERIOD_s, Driver, DriverStopped
-from sma_actuator.instruments import InstrumentLost, InstrumentUnreachable, LimitsNotHeld, OutputStaysOn
+from sma_actuator.instruments import InstrumentLate, InstrumentLost, InstrumentUnreachable, LimitsNotHeld, OutputStaysOn
 from sma_actuator.safety.faults import FAULTS
 from sma_actuator.safety.guards.program import loop_hung
 from sma_actuator.safety.records import Waited
@@ -901,6 +901,37 @@ class TestEnd:
         rig.driver.tick()  # as in a loop that is late and does not sleep
         assert fourth.done()
         assert rig.driver.call(lambda actuator, now_s: now_s) == rig.clock.s
+
+    def test_a_live_time_out_arrives_in_the_instruments_the_output_and_the_patience_for_an_answer(self, make):
+        rig = make()
+        rig.steps(3)
+        changed = rig.config.replace({"safety.reading_timeout": 1.5})
+        rig.driver.update(changed)
+        assert (rig.supply.patience_s, rig.daq.patience_s) == (1.5, 1.5)
+        assert rig.driver._output.safety == changed.safety
+        began_s = rig.clock.s
+
+        def late():
+            rig.clock.s += 0.5
+            raise InstrumentLate("late", began_s)
+
+        rig.supply.check_settings = late
+        assert not rig.driver.enable(True)[0]
+        assert rig.clock.s - began_s == 1.5
+
+    def test_a_rate_that_instruments_do_not_allow_is_refused_with_the_one_that_they_do(self, make):
+        rig = make()
+        rig.daq.takes_s = [0.15] * 20
+        read_back = rig.supply.read_back
+
+        def slowly():
+            rig.clock.s += 0.05
+            return read_back()
+
+        rig.supply.read_back = slowly
+        rig.steps(10)
+        done, words = rig.driver.enable(True)
+        assert not done and "so loop.rate can be 4.5 Hz at the most; it is 8 Hz" in words
 
     def test_an_on_that_is_wanted_no_more_when_its_turn_comes_is_none(self, make):
         rig = make()
