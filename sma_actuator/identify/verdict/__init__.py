@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from sma_actuator.identify.ranges import MARGIN, determinate_interval_m, full_cycles
+from sma_actuator.logs.cycles import SAME_LOAD
 from sma_actuator.logs.experiments import Experiment, IdentificationError
 from sma_actuator.logs.kinds import FOLLOWED
 
@@ -24,7 +25,6 @@ POOR_percent = 4.0
 _NARROW = 0.5  #: share of the stroke
 _WIDENS = 0.1  #: share of the stroke that leaving a load out must give to be worth a word
 _FEWEST = 10  #: samples that a region of a load is judged by
-_SAME_LOAD = 0.06
 REGIONS = ("working range", "hot end", "cold end", "partial cycles")
 
 
@@ -109,7 +109,7 @@ def _regions(unseen: Unseen, range_m: tuple[float, float], here: np.ndarray) -> 
 def _loads(unseen: Unseen) -> list[tuple[float, np.ndarray]]:
     """Every load, those alike as one, and which samples are of it."""
     values = np.unique(unseen.load_N)
-    groups = np.split(values, np.flatnonzero(np.diff(values) > _SAME_LOAD * np.abs(values[1:])) + 1)
+    groups = np.split(values, np.flatnonzero(np.diff(values) > SAME_LOAD * np.abs(values[1:])) + 1)
     return [(round(float(g.mean()), 3), np.isin(unseen.load_N, g)) for g in groups if len(g)]
 
 
@@ -193,7 +193,7 @@ def _about_the_range(
     margin_m = MARGIN * full_stroke_m
     best: tuple[float, str] = (_WIDENS * stroke_m, "")
     for load_N in np.unique(loads_N):
-        others = np.abs(loads_N - load_N) > _SAME_LOAD * load_N
+        others = np.abs(loads_N - load_N) > SAME_LOAD * load_N
         if np.count_nonzero(others) < 2:
             continue
         low_m, high_m = intervals[others, 0].max() + margin_m, intervals[others, 1].min() - margin_m
