@@ -439,6 +439,15 @@ class TestAnotherWireInThePlaceOfTheCalibratedOne:
     def test_is_let_warm_at_the_beginning_before_it_is_seen_cold(self, run):
         assert not run(5.5, 0.0, 3.0).cools
 
+    @pytest.mark.parametrize("rises_Ohm", [0.0, 0.01])
+    def test_is_let_cool_half_way_to_the_limit_where_what_it_shows_stands(self, run, rises_Ohm):
+        """Martensite that warms up shows more and more; it is about to contract, and then tells."""
+        heat, shown_Ohm = run(5.5, 0.0, 3.0), 5.6
+        while heat.at_most_C < 185.0 and not heat.cools:
+            shown_Ohm += rises_Ohm
+            heat = run(shown_Ohm, 1.0, 0.05)
+        assert heat.cools is (rises_Ohm == 0.0)
+
     def test_is_hot_where_it_shows_much_less_than_cold(self, run):
         run(5.5, 0.0, 30.0)
         run(5.0, 1.0, 5.0)
