@@ -10,6 +10,7 @@ import contextlib
 import errno
 import fcntl
 import json
+import logging
 import os
 import stat
 import time
@@ -19,6 +20,8 @@ from pathlib import Path
 from sma_actuator.base.parameters import ConfigError
 
 from .files import write_atomically
+
+_log = logging.getLogger(__name__)
 
 Files = dict[str, int]  #: name → inode, oldest first
 #: A list of the most files that there may be, of the longest names, takes half of it.
@@ -35,22 +38,34 @@ class Manifest:
         self.path = folder / f".{recorder}.manifest.json"
         self._folder = folder
         self._recorder = recorder
+        self._known: Files | None = None  #: as it was when it was last read or written here
 
     @contextlib.contextmanager
     def changing(self) -> Iterator[Files]:
         """The files, to be changed: kept afterwards, and locked meanwhile against other processes.
 
-        Raises OSError where the list cannot be written, or somebody keeps it locked; ConfigError where it is not one.
+        A list that somebody has spoilt since it was read here is written anew, as it was then: what another process
+        wrote into it meanwhile is left alone from then on.
+
+        Raises OSError where the list cannot be written, or somebody keeps it locked; ConfigError where it was none from
+        the first.
         """
         handle = os.open(self._folder, os.O_RDONLY | os.O_DIRECTORY)
         try:
             _lock(handle)
-            files = self._read()
-            before = dict(files)
+            before: Files | None = None
+            try:
+                before = self._read()
+            except ConfigError:
+                if self._known is None:
+                    raise
+                _log.warning("%s was spoilt by somebody else; it is written anew", self.path)
+            files = dict(self._known or {} if before is None else before)
             yield files
             if files != before:
                 text = json.dumps({"recorder": self._recorder, "files": files}, indent=1) + "\n"
                 write_atomically(self.path, lambda stream: stream.write(text.encode()))
+            self._known = files
         finally:
             os.close(handle)
 

@@ -543,15 +543,27 @@ def test_rows_that_wait_for_such_a_disk_at_the_end_are_counted(config, monkeypat
     recorder.close()
 
 
-def test_the_list_replaced_by_a_pipe_ends_the_log_with_a_sentence(recorded):
+@pytest.mark.parametrize(
+    "spoil",
+    [os.mkfifo, _text, Path.touch, lambda path: path.symlink_to("/dev/null")],
+    ids=["pipe", "another", "empty", "link"],
+)
+def test_a_list_that_is_spoilt_while_it_is_recorded_is_written_anew_and_no_row_is_lost(
+    spoil, recorded, tmp_path, caplog
+):
     recorder, part = recorded
     listed = part.with_name(".sma_actuator.manifest.json")
     listed.unlink()
-    os.mkfifo(listed)
+    spoil(listed)
     part.unlink()
-    wait_until(lambda: recorder.problem, what="a word")
-    assert f"{listed} is not the list of the files" in recorder.problem
-    assert recorder.lost_rows == 167
+    wait_until(lambda: recorder.words, what="a word")
+    assert "was removed or moved; the bench log goes on in" in recorder.words
+    assert f"{listed} was spoilt by somebody else; it is written anew" in caplog.text
+    _record(recorder, range(167, 170))
+    recorder.close()
+    assert recorder.lost_rows == 0 and len(_rows_below(tmp_path)) == 170
+    (log,) = (tmp_path / "logs").glob("*.csv")
+    assert json.loads(listed.read_text())["files"][log.name] == log.stat().st_ino
 
 
 def test_what_the_writer_stumbles_over_does_not_end_it(config, monkeypatch):
