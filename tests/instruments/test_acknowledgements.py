@@ -152,6 +152,7 @@ def test_one_that_answers_though_its_dialect_does_not_say_so_is_refused_with_the
         supply = supply_of(line, dialect(tmp_path))
         with pytest.raises(InstrumentError, match=f"put acknowledgement: '{said}' into its dialect") as error:
             supply.open()
+        assert f": it answers commands ('{said}' to 'OUTP 0'): put" in str(error.value)
         assert "resource" not in str(error.value)
         assert instrument.settings["OUTP"] == "0"
 

@@ -101,6 +101,34 @@ def test_off_is_the_first_and_the_last_that_is_said(peer, session):
     assert peer.read_to_the_end() == b"OUTP OFF\nCURR 0\n*IDN?\nOUTP OFF\nCURR 0\n"
 
 
+def test_a_lock_is_asked_for_only_where_it_is_wanted(peer, session, monkeypatch):
+    connect, asked = session._connect, []
+    monkeypatch.setattr(session, "_connect", lambda lock: asked.append(lock) or connect(False))
+    session.open()
+    session.open(lock=True)
+    assert asked == [False, True]
+
+
+def test_what_is_said_at_the_beginning_is_forgotten_only_where_it_is_left_time_for_it(session, monkeypatch):
+    forgot = []
+    monkeypatch.setattr(session, "_do", lambda what, _: forgot.append(what))
+    session.let_begin(0.0)
+    session.let_begin(0.001)
+    assert forgot == ["its beginning"]
+
+
+@pytest.mark.parametrize(
+    ("role", "resource", "may"),
+    [
+        ("daq", "ASRL/dev/ttyACM0::INSTR", True),
+        ("supply", "ASRL/dev/ttyACM0::INSTR", False),
+        ("daq", "TCPIP::h::1::SOCKET", False),
+    ],
+)
+def test_only_a_daq_on_a_serial_line_may_begin_anew_when_that_is_opened(role, resource, may):
+    assert ("begin anew" in Session(role, resource, Manner(), TIMEOUT_s).may_begin_anew) is may
+
+
 @pytest.mark.parametrize(("data", "every_s"), [(b"1", 0.02), (b"1" * 65536, 0.0)], ids=["a byte", "a flood"])
 def test_an_answer_without_an_end_is_given_up_in_time(peer, session, data, every_s):
     peer.keep_saying(data, every_s)
