@@ -25,14 +25,14 @@ class ModelFollower:
         self.rest_A = config.supply.bias_current
 
     def __call__(self, signals: Signals, setpoint_m: float) -> float:
-        """The current [A]; what rests the wire while it cannot be told where it is."""
+        """The current [A]; what rests the wire while it is asked to be nowhere, or cannot be told where it is."""
         seen, estimate = self._chain.step(without_undriven(signals, self.rest_A))
         dt_s, self._before_s = signals.time_s - self._before_s, signals.time_s
         if isinstance(self._law, SensingLaw):
             self._law.sense(seen, estimate)
         if estimate.quality is Quality.INVALID:
             return self.rest_A
-        if not isfinite(dt_s):
+        if not isfinite(dt_s + setpoint_m):
             self._law.reset(estimate.displacement_m, self.rest_A)
             return self.rest_A
         return self._law.step(estimate.displacement_m, setpoint_m, dt_s, self._config.supply.max_current)

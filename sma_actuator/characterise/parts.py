@@ -200,7 +200,7 @@ def followed(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchL
     low_m, high_m = _ends_m(config, p.get("load_N", p.get("preload_N")), p.get("stiffness_N_m", 0.0))
     held_m = positions_m(config, p["shares"], low_m, high_m)
     _apply_load(part, operator)
-    program = programs.followed(ModelFollower(config), held_m, (low_m, high_m), p["dwell_s"], p["period_s"])
+    program = programs.followed(ModelFollower(config), held_m, low_m, p["dwell_s"], p["period_s"])
     log = _record(rig, part, program, progress)
     return Outcome({part.name: log}, {"positions_m": held_m})
 

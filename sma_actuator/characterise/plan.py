@@ -258,7 +258,7 @@ def _second_round(config, options: PlanOptions) -> list[Part]:
                 "dwell_s": dwell_s,
                 "period_s": period_s,
             },
-            dwell_s * (1 + positions + math.ceil(positions / FROM_COLD)) + 4.0 * period_s,
+            dwell_s * (2 + positions + math.ceil(positions / FROM_COLD)) + 4.0 * period_s,
         )
         for number, (label, load) in enumerate(_loads(loads_N, springs))
     ]

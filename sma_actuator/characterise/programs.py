@@ -14,7 +14,7 @@ from statistics import fmean
 from typing import Protocol
 
 from sma_actuator.base.signals import Signals
-from sma_actuator.control.setpoints import Setpoint, sine, steps, triangle
+from sma_actuator.control.setpoints import constant, sine, triangle
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class Following(Protocol):
     rest_A: float  #: before anything is known
 
     def __call__(self, signals: Signals, setpoint_m: float) -> float:
-        """The current [A] for what was measured and where the wire should be."""
+        """The current [A] for what was measured and where the wire should be; NaN: nowhere."""
 
 
 #: A wire that moves more of a pulse's stroke in the last STILL_PART of a pause is not at rest.  Stricter than what
@@ -211,22 +211,22 @@ def every_ordered_pair(n: int) -> list[int]:
 
 
 def followed(
-    law: Following, positions_m: Sequence[float], ends_m: tuple[float, float], dwell_s: float, period_s: float
+    law: Following, positions_m: Sequence[float], contracted_m: float, dwell_s: float, period_s: float
 ) -> Program:
     """What a controller does: each position held for some time, then a sine and a triangle between the outermost.
 
-    Before them the wire is contracted: under another load it is as long as the one before has made it until then.
-    The first position and every FROM_COLD-th are come to from the cold end.  At both ends (contracted, cold) the wire
-    is asked to be for as long.  ``law`` makes a current of what is measured and where the wire should be.
+    Before them the wire rests for as long, by which the rig knows its sensors' noise, and is contracted: under another
+    load it is as long as the one before has made it until then.  To the first position and every FROM_COLD-th it comes
+    from a rest, asked to be nowhere: held at its cold end it is as long, but warm yet, and its start from room
+    temperature is then in no log.  ``law`` makes a current of what is measured and where the wire should be.
     """
     low_m, high_m = min(positions_m), max(positions_m)
     middle_m, half_m = 0.5 * (low_m + high_m), 0.5 * (high_m - low_m)
-    hot_m, cold_m = ends_m
-    visited_m = [hot_m]
+    visits = [_nowhere, constant(contracted_m)]
     for number, position_m in enumerate(positions_m):
-        visited_m += [position_m] if number % FROM_COLD else [cold_m, position_m]
-    parts: tuple[tuple[float, Setpoint], ...] = (
-        (dwell_s * len(visited_m), steps(visited_m, dwell_s)),
+        visits += [constant(position_m)] if number % FROM_COLD else [_nowhere, constant(position_m)]
+    parts = (
+        *((dwell_s, visit) for visit in visits),
         (2.0 * period_s, sine(middle_m, half_m, period_s)),
         (2.0 * period_s, triangle(middle_m, 0.7 * half_m, period_s)),
     )
@@ -236,3 +236,7 @@ def followed(
         while (elapsed_s := signals.time_s - start_s) < lasts_s:
             setpoint_m = setpoint(elapsed_s)
             signals = yield Drive(law(signals, setpoint_m), setpoint_m)
+
+
+def _nowhere(time_s: float) -> float:
+    return nan

@@ -46,20 +46,25 @@ def test_the_model_drives_the_wire_to_positions_over_its_stroke(log):
 
 
 def test_some_positions_are_come_to_from_the_cold_wire(log):
-    """As the first after every `enable` is."""
-    asked_m, positions = log["setpoint_m"][np.isfinite(log["setpoint_m"])], len(log.metadata["shares"])
-    held_m = [asked_m[0], *asked_m[1:][np.diff(asked_m) != 0.0]][: 1 + positions + positions // FROM_COLD]
-    cold = np.array(held_m) == max(asked_m)
-    assert np.flatnonzero(cold).tolist() == [1, 6, 11, 16]
+    """As the first after every `enable` is: with the bias current alone, not held where it would be cold."""
+    asked_m, positions = log["setpoint_m"], len(log.metadata["shares"])
+    same = np.isclose(asked_m[1:], asked_m[:-1], rtol=0.0, atol=0.0, equal_nan=True)
+    begins = np.flatnonzero([True, *~same])
+    visited_m = asked_m[begins][: 2 + positions + positions // FROM_COLD]
+    nowhere = np.flatnonzero(np.isnan(visited_m))
+    assert nowhere.tolist() == [0, 2, 7, 12, 17]
     place_m = signals_from_log(log, Config.load(NODE)).reference_displacement_m
-    before = np.flatnonzero(np.diff(asked_m) < 0.0)[:1]
-    assert place_m[before] > max(asked_m) - 0.05 * np.ptp(asked_m), "and it is cold by then"
+    for begin, end in zip(begins[nowhere], begins[nowhere + 1], strict=True):
+        assert log["current_command_A"][begin + 1 : end] == pytest.approx(Config.load(NODE).supply.bias_current)
+        assert log["time_s"][end] - log["time_s"][begin] == pytest.approx(log.metadata["dwell_s"], abs=0.1)
+        assert place_m[end - 1] > np.max(place_m) - 0.05 * np.ptp(place_m), "and it is cold by then"
 
 
 def test_before_them_the_wire_is_contracted(log):
     """Until then it is as long as another load has made it."""
-    asked_m = log["setpoint_m"][np.isfinite(log["setpoint_m"])]
-    place_m = signals_from_log(log, Config.load(NODE)).reference_displacement_m
+    somewhere = np.isfinite(log["setpoint_m"])
+    asked_m = log["setpoint_m"][somewhere]
+    place_m = signals_from_log(log, Config.load(NODE)).reference_displacement_m[somewhere]
     first = np.flatnonzero(np.diff(asked_m) != 0.0)[0]
     assert asked_m[0] == min(asked_m)
     assert place_m[first] < np.min(place_m) + 0.05 * np.ptp(place_m)
