@@ -106,3 +106,18 @@ def noted_signals() -> Iterator[Interrupts]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+@contextlib.contextmanager
+def kept_handlers() -> Iterator[None]:
+    """Let every signal that ends a program do afterwards what it did before, whatever the block makes of it."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # where Python lets nobody have handlers
+        return
+    before = {number: signal.getsignal(number) for number in every_ending_signal()}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            if handler is not None and signal.getsignal(number) != handler:  # None: not one of Python's
+                signal.signal(number, handler)

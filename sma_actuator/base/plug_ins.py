@@ -14,6 +14,7 @@ from importlib.metadata import EntryPoint
 from typing import Any
 
 from .errors import UserError
+from .interrupts import kept_handlers
 
 #: How a sentence about a broken package ends.
 MEND = "mend the package or uninstall it"
@@ -45,12 +46,16 @@ def described(point: EntryPoint) -> str:
 
 
 def load_plug_in(point: EntryPoint) -> Any:
-    """What an entry point names.  Raises PlugInError, whatever is wrong with it."""
+    """What an entry point names; what it does to signals when it is imported is undone, for they switch the output off.
+
+    Raises PlugInError, whatever is wrong with it.
+    """
     harm = _harm(point)
     if harm:
         raise PlugInError(f"{described(point)} {harm} when it is imported; {MEND}")
     try:
-        return point.load()
+        with kept_handlers():
+            return point.load()
     except (Exception, SystemExit) as error:  # whatever it is: the code is somebody else's
         raise PlugInError(f"{described(point)} cannot be loaded: {type(error).__name__}: {error}; {MEND}") from error
 

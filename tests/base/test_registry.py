@@ -2,6 +2,7 @@
 
 import importlib
 import os
+import signal
 import sys
 from importlib.metadata import entry_points
 
@@ -108,6 +109,16 @@ def test_a_package_that_hangs_or_ends_the_process_is_named_and_does_so_in_anothe
     with pytest.raises(PlugInError, match=f"package '{PACKAGE}' 1.2: its entry point more = {PACKAGE}") as raised:
         list(parts)
     assert said in str(raised.value)
+
+
+def test_a_package_that_takes_the_signals_when_it_is_imported_does_not_keep_them(parts, install):
+    """By them a program is ended, and its output switched off."""
+    taken = (signal.SIGTERM, signal.SIGUSR1)
+    before = [signal.getsignal(number) for number in taken]
+    source = "import signal\nfor number in (15, 10):\n    signal.signal(number, signal.SIG_IGN)\n"
+    install(f"{source}{REGISTERS}", more=PACKAGE)
+    assert "more" in parts
+    assert [signal.getsignal(number) for number in taken] == before
 
 
 def test_what_was_imported_without_harm_is_not_looked_at_again_also_by_processes_started_later(
