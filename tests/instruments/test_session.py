@@ -195,6 +195,25 @@ def test_a_greeting_of_two_lines_is_not_taken_for_the_answers_to_the_off_lines(p
         session.introduce("*IDN?", Pattern("MAKER", whole=False))
 
 
+def test_one_that_answers_its_off_lines_is_left_switched_off(peer, session):
+    session._timeout_s = PATIENT_s
+    session.tell("VOLT 4")
+    session.tell("CURR 0.1")
+    peer.answer(b"OK\nOK\nMAKER,1\n")
+    with pytest.raises(InstrumentRefused, match=r"it answers commands \('OK' to 'VOLT 4'\): put"):
+        session.introduce("*IDN?", Pattern("MAKER", whole=False))
+    assert peer.read_to_the_end().endswith(b"OUTP OFF\nCURR 0\n")
+
+
+def test_of_several_lines_of_which_none_is_its_name_the_first_is_its_answer(peer):
+    session = Session("supply", peer.resource, Manner(), PATIENT_s)
+    session.open()
+    peer.accept()
+    peer.answer(b"OTHER,1\nready\n")
+    assert session.introduce("*IDN?", Pattern("MAKER", whole=False)) == "OTHER,1"
+    session.close()
+
+
 def test_what_comes_unasked_later_is_no_greeting(peer, session):
     session._timeout_s = PATIENT_s
     for _ in range(2):  # also on the next connection, which greets anew
