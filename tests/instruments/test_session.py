@@ -197,10 +197,8 @@ def test_a_greeting_of_two_lines_is_not_taken_for_the_answers_to_the_off_lines(p
 
 def test_one_that_answers_its_off_lines_is_left_switched_off(peer, session):
     session._timeout_s = PATIENT_s
-    session.tell("VOLT 4")
-    session.tell("CURR 0.1")
     peer.answer(b"OK\nOK\nMAKER,1\n")
-    with pytest.raises(InstrumentRefused, match=r"it answers commands \('OK' to 'VOLT 4'\): put"):
+    with pytest.raises(InstrumentRefused, match=r"it answers commands \('OK' to 'OUTP OFF'\): put"):
         session.introduce("*IDN?", Pattern("MAKER", whole=False))
     assert peer.read_to_the_end().endswith(b"OUTP OFF\nCURR 0\n")
 
