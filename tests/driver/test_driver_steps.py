@@ -312,6 +312,12 @@ class TestTold:
         assert len(looked_s) > 30
         assert max(b - a for a, b in zip(looked_s, looked_s[4:])) <= promised_s + late_s
 
+    def test_after_on_which_has_looked_at_all_of_them_they_are_looked_at_one_by_one(self, make):
+        rig = make()
+        rig.steps(40)
+        assert rig.driver.enable(True)[0]
+        assert rig.steps(2).count("check one") == 1
+
     def test_a_clock_that_jumps_ahead_has_each_setting_looked_at_once(self, make):
         rig = make()
         rig.drive()
