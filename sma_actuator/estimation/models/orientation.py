@@ -42,6 +42,8 @@ REMEMBERED = _FORMED_m + LAYERS
 PLAY = 0.01
 #: Up to so many kelvins above its surroundings a wire is cold.
 COLD_K = 20.0
+#: It rests where its power would make it warmer or colder by no more than this.
+RESTS_K = 3.0
 #: No wire is so much shorter than its stroke that has cooled under no load at all: one that seems so is warm.
 SHORTEST = 0.3
 #: How well resistance tells a length: in other physics to a tenth or a fifth.

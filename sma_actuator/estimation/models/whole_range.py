@@ -379,7 +379,8 @@ def advance(
     remembers = n.martensite[orientation.OHM_PER_m] > 0.0
     if remembers:
         rise = heat_rise(rested, n.thermal) if first else _temperature(n.thermal, state) - ambient
-        if rise < orientation.COLD_K and (first or orientation.told(oriented)):
+        warms = heat_rise(power, n.thermal) - rise  # more than at rest: then its resistance is its heat's too
+        if rise < orientation.COLD_K and abs(warms) < orientation.RESTS_K and (first or orientation.told(oriented)):
             orientation.tell(resistance, stress, usual, n.ends, n.martensite, oriented)
         if not first or orientation.told(oriented):
             resistance -= n.martensite[orientation.OHM_PER_m] * orientation.longer_m(
