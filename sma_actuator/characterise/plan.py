@@ -19,15 +19,10 @@ from .programs import FROM_COLD, every_ordered_pair
 from .rig import attended
 
 GRAVITY_m_s2 = 9.80665
-STRESSES_Pa = (
-    15e6,
-    22e6,
-    32e6,
-    45e6,
-    62e6,
-    85e6,
-    120e6,
-)  #: default loads; from the thesis's lightest to above its judged ones
+#: Weights: so many, at equal ratios.  The heaviest is just below that with which a wire is held where it is: with one
+#: that is heavier than all of a calibration, by more than a twentieth of their range, a driven wire is switched off.
+#: The lightest is the thesis's, or a tenth of the heaviest.
+LOADS, HEAVIEST, LIGHTEST_Pa, LIGHTEST = 7, 0.95, 15e6, 0.1
 #: Masses that a load cell is calibrated with: the thesis's eight (appendix A), and smaller ones for finer wires; the
 #: largest over the smallest of them is what it was there; a line wants three points to show that it is one.
 MASSES_kg = (0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)
@@ -46,9 +41,10 @@ UNGUARDED = 0.9  #: of the rise that the heat limit aims at, for its headroom an
 #: Of training, for the progress bar: a wire that is trained needs eleven, a new one a hundred.
 TYPICAL_CYCLES = 40
 
-#: The second round: stresses between those of the first, a spring as stiff as makes much of the stroke a rise of
-#: stress, and between which shares of the stroke, from contracted to cold, positions lie.
-FOLLOWED_Pa, SPRING_Pa_m = (20e6, 40e6, 70e6, 110e6), 11e9
+#: The second round: in the middle between which of the first's weights and the next its own lie; a spring as stiff as
+#: makes much of the stroke a rise of stress; and between which shares of the stroke, from contracted to cold, positions
+#: lie.
+FOLLOWED_AFTER, SPRING_Pa_m = [0, 2, 4, 5], 11e9
 OUTERMOST = (0.05, 0.95)
 #: How long a position is held and a period lasts, in heat_capacity / heat_loss: a position no shorter than so many
 #: readings, in which the loop comes to rest as well, a period no shorter than that.
@@ -97,7 +93,7 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
     """
     _measurable(config, options)
     driven_N = _driven_N(config)
-    loads_N = options.loads_N or _loads_N(STRESSES_Pa, config)
+    loads_N = options.loads_N or _loads_N(_stresses_Pa(config), config)
     masses_kg = options.masses_kg or _masses_kg(driven_N)
     if "load_cell" not in options.skip and len(set(masses_kg)) < LEAST_MASSES:
         raise ConfigError(
@@ -245,7 +241,8 @@ def _second_round(config, options: PlanOptions) -> list[Part]:
     positions = max(POSITIONS, round(HELD_s / dwell_s))
     stiffness_N_m = SPRING_Pa_m * (config.wire.length / config.wire.strain_length_m) * area_m2
     stiffness_N_m = round(stiffness_N_m, max(1, _decimals(stiffness_N_m)))
-    followed_N = _loads_N(FOLLOWED_Pa, config)
+    stresses_Pa = _stresses_Pa(config)
+    followed_N = _loads_N(np.sqrt(stresses_Pa[:-1] * stresses_Pa[1:])[FOLLOWED_AFTER], config)
     loads_N, springs = options.loads_N or followed_N, options.springs_N_m or ((stiffness_N_m, followed_N[0]),)
     parts = [
         Part(
@@ -275,10 +272,15 @@ def _driven_N(config) -> float:
     return float(config.safety.stress_limit_fraction * config.wire.max_stress * config.wire.area_m2)
 
 
-def _loads_N(stresses_Pa: Sequence[float], config) -> tuple[float, ...]:
-    """The loads that put a wire under these stresses, as far as it is driven with them: to a millinewton, or finer
-    where the wire is fine."""
-    loads_N = [load_N for s in stresses_Pa if (load_N := s * config.wire.area_m2) < _driven_N(config)]
+def _stresses_Pa(config) -> np.ndarray:
+    """What the weights of a plan do to the wire, the lightest first."""
+    most_Pa = HEAVIEST * _driven_N(config) / config.wire.area_m2
+    return np.geomspace(min(LIGHTEST_Pa, LIGHTEST * most_Pa), most_Pa, LOADS)
+
+
+def _loads_N(stresses_Pa: np.ndarray, config) -> tuple[float, ...]:
+    """The loads that put a wire under these stresses: to a millinewton, or finer where the wire is fine."""
+    loads_N = [float(load_N) for load_N in stresses_Pa * config.wire.area_m2]
     return tuple(round(load_N, max(3, _decimals(load_N))) for load_N in loads_N)
 
 
