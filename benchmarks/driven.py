@@ -23,7 +23,7 @@ from sma_actuator.driver import Driver
 from sma_actuator.plant.loads import Load, Spring, Weight
 
 LAWS = ("pid", "feed_forward_pid", *TRIALS)
-#: Stresses [Pa] of the lightest and the heaviest weight, near the ends of what ``characterise`` hangs on a wire.
+#: Stresses [Pa] of the lightest and the heaviest weight, within what ``characterise`` hangs on a wire.
 LIGHT_Pa, HEAVY_Pa = 17e6, 110e6
 #: Loads that are the same for both wires, by name, and those that are the wire's.
 SHARED: dict[str, Load] = {
