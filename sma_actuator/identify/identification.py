@@ -240,7 +240,7 @@ def _refuse_contraction(experiments: Sequence[Experiment]) -> None:
     sources = dict.fromkeys(t.part_of or t.log.source for t in turned)
     names = ", ".join(sources) if len(turned) < len(experiments) or len(sources) == 1 else f"all {len(sources)} logs"
     raise IdentificationError(
-        f"{names}: the displacement grows while the wire is heated and its resistance falls, so it counts contraction, "
+        f"{names}: the displacement grows while the wire is heated, so it counts contraction, "
         f"and extension is positive here; a node with a model of it would go to full current. {how[0].upper()}{how[1:]}"
     )
 

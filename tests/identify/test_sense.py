@@ -109,6 +109,18 @@ def test_a_calibration_with_the_hot_wire_longer_than_the_cold_one_is_not_loaded(
         Config.from_mapping(mapping)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("resistance", [1.0, -1.0])
+@pytest.mark.parametrize("kind", ["pulses", "partial"])
+def test_the_heat_says_which_way_it_counts_whatever_the_resistance_does(flexinol, kind, resistance, sign):
+    """There are Ni-Ti wires whose resistance rises as they contract."""
+    config = Config.load(shared_file("config/flexinol.yaml"))
+    for log in flexinol.only(kind):
+        columns = in_physical_units(log, config, sign).columns
+        shown_Ohm = 8.0 + resistance * (columns["resistance_Ohm"] - 8.0)
+        assert log_counts_contraction(BenchLog({**columns, "resistance_Ohm": shown_Ohm})) is (sign < 0.0)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_noise_alone_is_not_told_to_count_contraction(seed):
     random = np.random.default_rng(seed)
