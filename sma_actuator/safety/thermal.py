@@ -215,8 +215,9 @@ def begin_thermometer(state: Floats, first: int) -> None:
 
 #: What is remembered of the cold: what a wire showed when it last was; the most since it certainly had not contracted,
 #: ∞ where it may have; how long it has rested, in the longest time constants that it may have; whether it is let cool
-#: until it is cold; and the resistance at which it stands, for how long.
-_COLD_Ohm, _MOST_Ohm, _RESTED_times, _UNTIL_COLD, _STANDS_Ohm, _STANDS_s = range(6)
+#: until it is cold; and the resistance at which it stands, and how long, in those
+#: time constants.
+_COLD_Ohm, _MOST_Ohm, _RESTED_times, _UNTIL_COLD, _STANDS_Ohm, _STANDS_times = range(6)
 SHOWN_COLD = 6
 
 
@@ -398,12 +399,12 @@ def _heat_step(
     measured_Ohm = shown_Ohm if isfinite(resistance_Ohm) else nan
     keep_cold(state, _COLD, measured_Ohm, times, rests, at_most_C, transformed_C)
     not_seen_cold = shown_Ohm > contracted_Ohm and state[_COLD + _COLD_Ohm] == inf
-    # Sooner than at its limit, where what it shows stands, and may hold the balance for a minute.
+    # Sooner than at its limit, where what it shows stands for one of these: it may hold the balance for a minute.
     if abs(shown_Ohm - state[_COLD + _STANDS_Ohm]) <= FALLS * shown_Ohm:
-        state[_COLD + _STANDS_s] += max(dt_s, 0.0)
+        state[_COLD + _STANDS_times] += max(times, 0.0)
     else:
-        state[_COLD + _STANDS_Ohm], state[_COLD + _STANDS_s] = shown_Ohm, 0.0
-    stands = state[_COLD + _STANDS_s] >= LONG_AGO_s
+        state[_COLD + _STANDS_Ohm], state[_COLD + _STANDS_times] = shown_Ohm, 0.0
+    stands = state[_COLD + _STANDS_times] >= 1.0
     half_way_C = 0.5 * (transformed_C + max_C - HEADROOM_K)
     at_its_limit = most_C > max_C - HEADROOM_K - AT_LIMIT_K and at_most_C < shown_C
     if not cools and (at_its_limit or (not_seen_cold and stands and most_C > half_way_C)):

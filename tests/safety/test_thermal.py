@@ -428,7 +428,7 @@ class TestAnotherWireInThePlaceOfTheCalibratedOne:
     def test_counts_as_hot_where_it_has_not_been_seen_cold(self, run, parameters):
         """Hot and contracted, as another driver left it, it was taken to transform and heated on."""
         run(5.0, 0.0, 3.0)
-        heat = run(5.1, 1.0, 2.0)
+        heat = run(5.1, 1.0, 9.0)
         assert heat.at_most_C > 172.0
         assert heat.cools
         heat = run(5.0, 0.0, 6.0)
