@@ -8,9 +8,9 @@ from scipy.signal import lfilter
 
 from .bench_log import BenchLog, uncalibrated_resistance_and_current
 
-#: Correlation beyond which a displacement is told to follow a quantity.  With heat, late as the wire's temperature is, it
-#: is -0.83 to -0.97 for wires of three physics, pulses, levels and partial cycles; with resistance 0.4 to 1.0 of most,
-#: and -0.3 to -0.9 of a Ni-Ti wire whose resistance rises as it contracts.
+#: Correlation beyond which a displacement is told to follow a quantity.  With heat, late as the wire's temperature is,
+#: it is -0.83 to -0.97 for wires of three physics, pulses, levels and partial cycles; with resistance 0.4 to 1.0 of
+#: most, and -0.3 to -0.9 of a Ni-Ti wire whose resistance rises as it contracts.
 _FOLLOWS = 0.5
 _DRIVEN = 0.02  #: share of the largest current from which the resistance is measured
 _FEWEST = 20  #: samples
@@ -19,7 +19,7 @@ MOST_STROKE = 0.12  #: of a wire's length, more than any does: Ni-Ti transforms 
 
 
 def counts_contraction(resistance: np.ndarray, current: np.ndarray, displacement: np.ndarray) -> bool:
-    """Whether a displacement grows with the wire's heat, as no wire's extension does; arrays of shape (n,), in any unit.
+    """Whether a displacement grows with the wire's heat, as no wire's extension does; arrays (n,), in any unit.
 
     Where the heat does not say, as in a wire that is not heated by its current, the resistance does: it falls with the
     extension of most.  False where neither does.
