@@ -27,7 +27,7 @@ from sma_actuator.safety.supervisor import Supervisor
 from .following import Following, Seen
 from .measured import Measured
 from .offered import Offered
-from .said import Said, notes, refusal_to_enable, status_of, words_of_latched
+from .said import Said, refusal_to_enable, status_of, words_of_latched
 from .tuner import Tuner
 
 _log = logging.getLogger(__name__)
@@ -81,7 +81,7 @@ class Actuator:
         self._measured.enabled()
         self._supervisor.enabled(now_s)
         self._said.changed("enabled")
-        return True, f"the output is on; the wire is held where it is{notes(self._supervisor)}"
+        return True, "the output is on; the wire is held where it is"
 
     @property
     def is_driven(self) -> bool:
@@ -279,7 +279,6 @@ class Actuator:
                 supervisor.heat,
                 waited,
                 longer_m,
-                self._chain.calibrated_Pa,
             )
         )
         late = self._late(raw, supply)  # the bias current flows, of which the law must not learn

@@ -11,7 +11,7 @@ from sma_actuator.control.setpoints import in_words
 from sma_actuator.safety.faults import gravest
 from sma_actuator.safety.guards.setpoints import setpoint_stale
 from sma_actuator.safety.limits import LIMITS, SETPOINT_RANGE
-from sma_actuator.safety.records import Action, Fault, Limit
+from sma_actuator.safety.records import Fault, Limit
 from sma_actuator.safety.supervisor import Supervisor
 
 from .following import Following
@@ -53,12 +53,6 @@ def refusal_to_enable(supervisor: Supervisor) -> str:
         return ""
     fault = gravest(blocking)
     return f"{fault.words}: {present[fault]}"
-
-
-def notes(supervisor: Supervisor) -> str:
-    """What is wrong that lets current flow all the same, each after a semicolon; "" where nothing is."""
-    present = supervisor.present
-    return "".join(f"; {f.words}: {why}" for f, why in present.items() if f.action is Action.NOTE)
 
 
 class Said:

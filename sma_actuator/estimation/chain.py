@@ -274,11 +274,6 @@ class Chain:
         return tuple(effect for _, effect, _ in self._effects)
 
     @property
-    def calibrated_Pa(self) -> tuple[float, float]:
-        """Between which stresses the estimate is inside its calibration."""
-        return self._stress_Pa
-
-    @property
     def displacement_range_m(self) -> tuple[float, float]:
         """The model's working range [m]."""
         return self._model.displacement_range_m

@@ -223,7 +223,6 @@ class Step:
     heat: WireHeat
     waited: Waited = NOT_WAITED  #: since the step before
     longer_m: float = 0.0  #: of the estimate: what is no transformation, but a load that hung on the wire before
-    calibrated_Pa: tuple[float, float] = (-inf, inf)  #: between which stresses the estimate is inside its calibration
     contradicted_m: float | None = None  #: what two guards ask for, once one of them has
     is_timely: bool = field(init=False)  #: it comes no later than readings may be old, by a clock that runs forward
 

@@ -228,7 +228,6 @@ SCENARIOS = {
     "estimator_outside": weight(
         1.5, changes={"model.stress_range": [0.0, 60e6], "safety.outside_calibration_time": 1.0}
     ),
-    "load_uncalibrated": weight(1.5, changes={"model.stress_range": [0.0, 60e6]}),
     "loop_overrun": Scenario(slow_loop, keep_rate),
     "setpoint_stale": Scenario(
         lambda rig: None,
@@ -270,7 +269,6 @@ PASSING = [
     "ambient_doubted",
     "reference_doubted",
     "position_contradicted",
-    "load_uncalibrated",
     "reading_not_finite",
     "estimate_invalid",
     "setpoint_not_finite",

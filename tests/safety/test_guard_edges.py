@@ -16,7 +16,7 @@ from sma_actuator.safety.alive import WINDOW
 from sma_actuator.safety.drift import LAG_s, WINDOW_s
 from sma_actuator.safety.faults import FAULTS
 from sma_actuator.safety.formula import seconds
-from sma_actuator.safety.guards.estimate import APART_s, estimate_invalid, estimator_outside, load_uncalibrated
+from sma_actuator.safety.guards.estimate import APART_s, estimate_invalid, estimator_outside
 from sma_actuator.safety.guards.program import clock_jump, command_invalid, loop_overrun
 from sma_actuator.safety.guards.readings import (
     are_inside,
@@ -733,19 +733,6 @@ def test_an_estimate_outside_is_a_fault_once_it_lasts(quality, step, config):
     assert said(estimator_outside, step(**outside, now_s=NOW_s + lasts_s + 0.2)) == ""
     at_the_end = step(memory=memory, estimate__quality=Quality.INDETERMINATE_HOT, now_s=NOW_s + 99.0)
     assert said(estimator_outside, at_the_end) == ""
-
-
-@pytest.mark.parametrize("driven", [False, True])
-def test_a_load_that_the_model_was_not_calibrated_with_is_said_with_the_output_off_too(driven, step, config):
-    def at(stress_Pa, **more):
-        seen = {"calibrated_Pa": (15e6, 120e6), "driven": driven, "settled": driven, **more}
-        return said(load_uncalibrated, step(signals__stress_Pa=stress_Pa, **seen))
-
-    assert not any(at(stress_Pa) for stress_Pa in (15e6, 60e6, 120e6, NAN))
-    lasts = f"where it is driven so for {config.safety.outside_calibration_time:g} s the output goes off"
-    assert at(math.nextafter(120e6, math.inf)) == f"120 MPa, and it knows 15 MPa to 120 MPa; {lasts}"
-    assert at(math.nextafter(15e6, 0.0)).startswith("15 MPa, ")
-    assert at(153e6, reading=None) == ""
 
 
 # --- what is not asked in each step -----------------------------------------------------------------------------------

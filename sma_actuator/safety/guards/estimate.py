@@ -84,23 +84,3 @@ def estimate_invalid(step: Step) -> str:
     if not step.settled or (step.estimate.quality is not Quality.INVALID and isfinite(step.estimate.displacement_m)):
         return ""
     return "the estimate is not valid"
-
-
-@guard(
-    words="the load is none that the model was calibrated with",
-    remedy="Hang one on the wire that it was, or characterise and identify it with this one too",
-    detector="stress further outside that of the model's calibration than a twentieth of its range, with the output on "
-    "or off; becomes estimator_outside when it lasts while the wire is driven",
-    within=ONE_STEP,
-    action=Action.NOTE,
-)
-def load_uncalibrated(step: Step) -> str:
-    """The stress is outside the model's calibration."""
-    least_Pa, most_Pa = step.calibrated_Pa
-    stress_Pa, wire = step.signals.stress_Pa, step.config.wire
-    if step.reading is None or not (stress_Pa < least_Pa or stress_Pa > most_Pa):
-        return ""
-    return (
-        f"{wire.stress_text(stress_Pa)}, and it knows {wire.stress_text(least_Pa)} to {wire.stress_text(most_Pa)}; "
-        f"where it is driven so for {step.config.safety.outside_calibration_time:g} s the output goes off"
-    )
