@@ -4,7 +4,8 @@ pulls."""
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import lfilter
+
+from sma_actuator.estimation.lag import lagged
 
 from .bench_log import BenchLog, uncalibrated_resistance_and_current
 
@@ -37,11 +38,9 @@ def counts_contraction(resistance: np.ndarray, current: np.ndarray, displacement
 def _with_heat(heat: np.ndarray, displacement: np.ndarray) -> float:
     """Correlation of a displacement with heat that comes late, as a first-order lag, by the time at which it is the
     largest, up to a tenth of the log."""
-    found = 0.0
+    sample, found = np.arange(len(heat)), 0.0
     for samples in 2.0 ** np.arange(2.0, np.log2(len(heat) / 10.0)):
-        kept = 1.0 - 1.0 / samples
-        late, _ = lfilter([1.0 - kept], [1.0, -kept], heat, zi=[kept * heat[0]])
-        found = max(found, _correlation(late, displacement), key=abs)
+        found = max(found, _correlation(lagged(sample, heat, samples), displacement), key=abs)
     return found
 
 
