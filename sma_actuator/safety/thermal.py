@@ -215,8 +215,7 @@ def begin_thermometer(state: Floats, first: int) -> None:
 
 #: What is remembered of the cold: what a wire showed when it last was; the most since it certainly had not contracted,
 #: ∞ where it may have; how long it has rested, in the longest time constants that it may have; whether it is let cool
-#: until it is cold; and the resistance at which it stands, and how long, in those
-#: time constants.
+#: until it is cold; and the resistance at which it stands, and how long, in those time constants.
 _COLD_Ohm, _MOST_Ohm, _RESTED_times, _UNTIL_COLD, _STANDS_Ohm, _STANDS_times = range(6)
 SHOWN_COLD = 6
 
@@ -251,6 +250,19 @@ def keep_cold(
     else:
         most_Ohm = inf
     state[first + _MOST_Ohm] = most_Ohm
+
+
+@jit
+def _stands(state: Floats, first: int, shown_Ohm: float, times: float) -> bool:
+    """Whether what a wire shows has stood, within FALLS, for one of the longest time constants that it may have.
+
+    ``shown_Ohm``, ``times`` and ``first``: as :func:`keep_cold` has them.
+    """
+    if abs(shown_Ohm - state[first + _STANDS_Ohm]) <= FALLS * shown_Ohm:
+        state[first + _STANDS_times] += max(times, 0.0)
+    else:
+        state[first + _STANDS_Ohm], state[first + _STANDS_times] = shown_Ohm, 0.0
+    return state[first + _STANDS_times] >= 1.0
 
 
 def begin_cold(state: Floats, first: int) -> None:
@@ -399,12 +411,8 @@ def _heat_step(
     measured_Ohm = shown_Ohm if isfinite(resistance_Ohm) else nan
     keep_cold(state, _COLD, measured_Ohm, times, rests, at_most_C, transformed_C)
     not_seen_cold = shown_Ohm > contracted_Ohm and state[_COLD + _COLD_Ohm] == inf
-    # Sooner than at its limit, where what it shows stands for one of these: it may hold the balance for a minute.
-    if abs(shown_Ohm - state[_COLD + _STANDS_Ohm]) <= FALLS * shown_Ohm:
-        state[_COLD + _STANDS_times] += max(times, 0.0)
-    else:
-        state[_COLD + _STANDS_Ohm], state[_COLD + _STANDS_times] = shown_Ohm, 0.0
-    stands = state[_COLD + _STANDS_times] >= 1.0
+    # Sooner than at its limit, where what it shows stands: it may hold the balance for a minute.
+    stands = _stands(state, _COLD, shown_Ohm, times)
     half_way_C = 0.5 * (transformed_C + max_C - HEADROOM_K)
     at_its_limit = most_C > max_C - HEADROOM_K - AT_LIMIT_K and at_most_C < shown_C
     if not cools and (at_its_limit or (not_seen_cold and stands and most_C > half_way_C)):
