@@ -36,7 +36,8 @@ def _identify(session: Session, dialect: Dialect, queries: Mapping[str, Query]) 
     if not dialect.identity.search(identity):  # so that it was waited for in vain, and the connection is given up
         wrong = f"instruments.{session.role}.resource or instruments.{dialect.kind}.dialect is wrong"
         raise InstrumentRefused(
-            f"{session.name}: says it is '{identity}', which is no {dialect.family}; {wrong}{session.may_begin_anew}"
+            f"{session.name}: says it is '{identity}', which is no {dialect.family}; {wrong}, or that dialect's "
+            f"identity, '{dialect.identity.pattern}'{session.may_begin_anew}"
         )
     return identity
 

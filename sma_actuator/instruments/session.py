@@ -18,6 +18,7 @@ taken for the answer to the next question.  ``open`` makes a new one.
 from __future__ import annotations
 
 import contextlib
+import errno
 import logging
 import math
 import socket
@@ -60,6 +61,7 @@ class Session:
         self._deadline_s = math.inf
         self._answers = 0  #: that have come since a block with a deadline of its own began
         self._began_s = math.nan
+        self._is_understood = False  #: it has answered a question, on whatever connection
         self.patience_s = 0.0  #: so long after its question an answer may still come (InstrumentLate)
         self._begin(None)
 
@@ -94,7 +96,7 @@ class Session:
     def beside(self) -> Session:
         """A second session to the same instrument, not open yet."""
         other = Session(self.role, self.resource, self._manner, self._timeout_s, self.off_lines)
-        other._addresses = self._addresses
+        other._addresses, other._is_understood = self._addresses, self._is_understood
         return other
 
     @contextlib.contextmanager
@@ -218,7 +220,7 @@ class Session:
             if self._manner.acknowledges_answers:
                 self._owed.append(line)
             if text == line:
-                raise self.give_up(f"repeats what it is asked, '{line}': its echo is on, or {self._for_people}")
+                raise self._repeats(line)
             if self._got and not self._owed:
                 both = f"'{_shown(text)}', '{_shown(self._got)}'"
                 advice = self._advice(text)
@@ -233,7 +235,7 @@ class Session:
                 value = read(text)
             except ValueError as error:
                 raise self.garbled(line, text, str(error)) from None
-            self._answered = True
+            self._answered = self._is_understood = True
             self._answers += 1
             self._told.clear()
         return value
@@ -254,7 +256,7 @@ class Session:
                     lines.append(self._line(f"'{line}'", until_s))
             said = lines[-1] if lines[-1] == line or identity.search(lines[-1]) else lines[0]
             if said == line:
-                raise self.give_up(f"repeats what it is asked, '{line}': its echo is on, or {self._for_people}")
+                raise self._repeats(line)
             if not said or not said.replace("\t", " ").isprintable():
                 raise self.garbled(line, said, "", self.may_begin_anew)
             if said != lines[0] and self._manner.acknowledgement is None:
@@ -270,7 +272,7 @@ class Session:
                 )
             if self._manner.acknowledges_answers:
                 self._owed.append(line)
-            self._answered = True
+            self._answered = self._is_understood = True
             self._told.clear()
         return said
 
@@ -282,11 +284,16 @@ class Session:
 
     def garbled(self, line: str, reply: str, why: str = "", advice: str = "") -> InstrumentLost:
         """The error for an answer that is none; the connection is given up, since its order is lost."""
+        if line in reply.splitlines():  # an echo whose lines end otherwise than answers do
+            return self._repeats(line)
         reading = f" ({_shown(why)}; its dialect says how to read it: answer, field, yes and no)" if why else ""
         return self.give_up(
             f"answered '{_shown(reply)}' to '{line}', which is not an answer to that{reading}"
             f"{advice or self._advice(reply)}"
         )
+
+    def _repeats(self, line: str) -> InstrumentLost:
+        return self.give_up(f"repeats what it is asked, '{line}': its echo is on, or {self._for_people}")
 
     def _advice(self, said: str) -> str:
         """What may be wrong where something came that was not asked for."""
@@ -469,9 +476,8 @@ class Session:
                     f"; with the {self._answers} answers before it that took {took_s:.2g} s, and "
                     f"instruments.{self.role}.timeout is the time for all of them together"
                 )
-            if not self._answered and self._is_serial:
-                begun += f"; is instruments.{self.role}.serial.baud_rate, {self._manner.serial.baud_rate}, right?"
-                begun += self.may_begin_anew
+            if not self._is_understood:
+                begun += self._not_understood
             why = f"no complete answer to {what} within {self._timeout_s:g} s{begun}"
             if self._asked is not None and self._is_patient:
                 asked_s = self._asked[1]
@@ -481,6 +487,16 @@ class Session:
             raise self.give_up(why) from error
         except (pyvisa.Error, OSError, ValueError) as error:
             raise self.give_up(f"the connection broke at {what} ({error})") from error
+
+    @property
+    def _not_understood(self) -> str:
+        """What may be so where it has never answered; to end a sentence with."""
+        why = f"; is instruments.{self.role}.serial.baud_rate, {self._manner.serial.baud_rate}, right?"
+        ends = (
+            f"; do its lines end otherwise than with {self._manner.write_termination!r} "
+            f"(instruments.{self.role}.write_termination)?"
+        )
+        return f"{why if self._is_serial else ''}{ends}{self.may_begin_anew}"
 
     @property
     def may_begin_anew(self) -> str:
@@ -506,6 +522,11 @@ class Session:
         )
 
     def _cannot_be_opened(self, error: Exception) -> InstrumentUnreachable:
+        if self._is_serial and isinstance(error, OSError) and error.errno == errno.EACCES:  # an error of pyserial's own
+            return InstrumentUnreachable(
+                f"{self.name}: this user may not open it; put yourself into the group of the device, as with "
+                "'sudo usermod -aG dialout $USER', and log in anew"
+            )
         return InstrumentUnreachable(
             f"{self.name}: cannot be opened ({error}); is it switched on, and is the address right?"
         )
@@ -532,5 +553,5 @@ def _canonical(resource: str) -> str:
 def _shown(text: bytes | str) -> str:
     """What an instrument said, short enough for a sentence, and with nothing in it that a terminal would obey."""
     raw = text.decode("latin-1") if isinstance(text, bytes) else text
-    words = raw.strip().encode("unicode_escape").decode("ascii")
+    words = raw.strip().encode("unicode_escape").decode("ascii").replace(r"\\", "\\")  # as it stands in a dialect
     return words if len(words) <= 80 else f"{words[:77]}…"

@@ -1,5 +1,6 @@
 """Supply and DAQ of the bench at the end of serial lines: they open as they are given, and are told how to talk."""
 
+import errno
 import termios
 import threading
 import time
@@ -7,6 +8,7 @@ from unittest.mock import Mock
 
 import pytest
 import pyvisa
+import serial
 from hanging import hanging
 from serial_line import SerialInstrument
 
@@ -261,6 +263,18 @@ def test_a_line_that_cannot_be_set_so_is_given_back():
         with pytest.raises(InstrumentError, match="cannot be opened"):
             session.open()
         assert not pyvisa.ResourceManager("@py").list_opened_resources()
+
+
+def test_a_line_that_belongs_to_another_group_says_how_it_is_joined(monkeypatch):
+    """The first hour on many a computer: /dev/ttyUSB0 is for the group dialout alone."""
+
+    def denied(*_, **__):
+        raise serial.SerialException(errno.EACCES, "could not open port /dev/ttyUSB0")
+
+    monkeypatch.setattr(serial, "serial_for_url", denied)
+    session = Session("daq", "ASRL/dev/ttyUSB0::INSTR", Manner(), 1.0)
+    with pytest.raises(InstrumentError, match=r"may not open it; .*usermod -aG dialout \$USER', and log in anew"):
+        session.open()
 
 
 def test_what_has_come_is_asked_of_a_serial_line_alone():

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import re
 import select
 import socket
 import threading
@@ -235,6 +236,43 @@ def test_a_port_that_repeats_what_it_hears_is_said_to_be_for_people(peer, sessio
     peer.answer(b"*IDN?\r\n")
     with pytest.raises(InstrumentLost, match=r"repeats what it is asked, '\*IDN\?': its echo is on, or .*"):
         session.ask("*IDN?")
+
+
+def test_an_echo_whose_lines_end_otherwise_than_answers_do_is_called_an_echo(peer):
+    """All that it repeats then comes as one line."""
+    session = Session("supply", peer.resource, Manner(read_termination="\r\n"), PATIENT_s)
+    session.open()
+    peer.accept()
+    session.tell("OUTP OFF")
+    peer.answer(b"OUTP OFF\n*IDN?\nMaker,1234\r\n")
+    with pytest.raises(InstrumentLost, match=r"repeats what it is asked, '\*IDN\?': its echo is on"):
+        session.introduce("*IDN?", Pattern("Maker", whole=False))
+
+
+def test_one_that_never_answered_may_want_other_ends_of_lines_and_one_that_did_does_not(peer, session):
+    with pytest.raises(InstrumentLost, match=r"do its lines end otherwise than with '\\n' .*write_termination"):
+        session.ask("*IDN?")
+    session.open()
+    peer.accept()
+    peer.answer(b"Maker\n")
+    assert session.ask("*IDN?") == "Maker"
+    with pytest.raises(InstrumentLost, match=r"no complete answer to 'OUTP\?' within 0.4 s$"):
+        session.ask("OUTP?")
+    session.open()
+    peer.accept()
+    with pytest.raises(InstrumentLost, match=r"no complete answer to '\*IDN\?' within 0.4 s$"):
+        session.ask("*IDN?")
+
+
+def test_a_pattern_is_shown_as_it_stands_in_the_dialect(peer, session):
+    peer.answer(b"ISET=1\n")
+    pattern = re.compile(r"I (\d+)A")
+
+    def read(reply):
+        raise ValueError(f"'{reply}' is not like '{pattern.pattern}'")
+
+    with pytest.raises(InstrumentLost, match=re.escape(r"'ISET=1' is not like 'I (\d+)A'")):
+        session.ask_for("ISET?", read)
 
 
 def test_a_connection_that_is_closed_after_each_answer_is_lost_and_not_used_again(peer):
