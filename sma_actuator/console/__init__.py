@@ -12,6 +12,7 @@ import csv
 import io
 import json
 import math
+import os
 import shlex
 import sys
 from collections.abc import Iterable, Mapping, Sequence
@@ -95,14 +96,16 @@ def _console(stream: Any, quiet: bool = False) -> Console:
 
 
 def refuse_to_overwrite(args: argparse.Namespace, *paths: Path | None) -> None:
-    """Raise UserError where one of the files to be written exists and ``--force`` was not given, or can be in no folder
-    since a file is in its place."""
+    """Raise UserError where one of the files to be written exists and ``--force`` was not given, or cannot be written:
+    a file is in the place of its folder, or the folder is not ours to write to.  What takes minutes then has no end."""
     for path in (*paths, getattr(args, "json", None), getattr(args, "csv", None)):
         if path is None or path == _STANDARD_OUTPUT:
             continue
         nearest = next((folder for folder in path.parents if folder.exists()), None)
         if nearest is not None and not nearest.is_dir():
             raise UserError(f"{nearest}: is a file; a folder for {path.name} is wanted")
+        if nearest is not None and not os.access(nearest, os.W_OK | os.X_OK):
+            raise UserError(f"{path}: cannot be written, since nothing may be in {nearest}; name a file elsewhere")
         if args.force:
             continue
         if path.exists() or path.is_symlink():

@@ -1,18 +1,23 @@
 """A few answers make a bench file that is complete: limits and gains follow from them, and the file says how."""
 
+import multiprocessing
 import os
 import subprocess
 import sys
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from rig import Rig
 
+from sma_actuator.base.errors import UserError
 from sma_actuator.base.sections import Loop
 from sma_actuator.base.share import shared_file
 from sma_actuator.characterise.plan import QUICK_READINGS
 from sma_actuator.cli.init import QUESTIONS
 from sma_actuator.cli.main import main
 from sma_actuator.config import Config, bench_from_mapping, read_parameter_file, write_parameter_file
+from sma_actuator.console import refuse_to_overwrite
 from sma_actuator.derived import HOT_RESISTIVITY_Ohm_m, derived, with_derived, without_derived
 from sma_actuator.logs.units import quantity
 
@@ -334,3 +339,18 @@ def test_the_shipped_files_carry_the_gains_that_follow_from_their_wire(name):
         key.removeprefix("controller."): each.value for key, each in derived(mapping).items() if "controller." in key
     }
     assert mapping["controller"] == follows
+
+
+def _refused(folder):
+    """Run in a process of its own, which becomes a user whom permissions bind."""
+    if os.geteuid() == 0:
+        os.setuid(65534)
+    with pytest.raises(UserError, match=rf"{folder}/new/bench.yaml: cannot be written, .* in {folder}; name a file"):
+        refuse_to_overwrite(SimpleNamespace(force=True), Path(folder) / "new" / "bench.yaml")
+
+
+def test_a_folder_that_is_not_ours_is_named_before_anything_is_asked():
+    child = multiprocessing.get_context("spawn").Process(target=_refused, args=("/etc",), daemon=True)
+    child.start()
+    child.join(60.0)
+    assert child.exitcode == 0, "what it said is on standard error"
