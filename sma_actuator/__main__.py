@@ -29,7 +29,9 @@ def node() -> int:
         except ModuleNotFoundError as error:
             if error.name is None or error.name.startswith("sma_actuator"):
                 raise
-            sys.exit(f"sma_actuator_node: needs the Python package '{error.name}' (extra 'ros')")
+            from sma_actuator.base.errors import without_ros
+
+            sys.exit(f"sma_actuator_node: {without_ros(error)}")
     return run_nodes()
 
 

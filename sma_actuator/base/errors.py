@@ -24,6 +24,14 @@ class UserError(Exception):
         return brief(printable(super().__str__()), LONGEST_MESSAGE)
 
 
+def without_ros(error: ModuleNotFoundError) -> UserError:
+    """What to say where a package of ROS 2 is not there."""
+    return UserError(
+        f"needs ROS 2, and Python finds no '{error.name}': source a ROS 2 installation, or "
+        "pip install 'sma_actuator[ros]'"
+    )
+
+
 def printable(text: str) -> str:
     """The text, where what commands a terminal stands as Python writes it; its lines stay."""
     if text.isprintable():

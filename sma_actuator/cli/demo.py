@@ -28,6 +28,7 @@ from rich.live import Live
 from rich.table import Table
 
 from sma_actuator.base.commands import NODE_NAME
+from sma_actuator.base.errors import without_ros
 from sma_actuator.base.interrupts import Interrupts, noted_signals
 from sma_actuator.base.jit import COMPILING
 from sma_actuator.base.joining import beside_a_node
@@ -42,8 +43,6 @@ from sma_actuator.control.setpoints import Setpoint, sine, steps, triangle
 from sma_actuator.control.tracking import TrackingErrors
 from sma_actuator.instruments import InstrumentError
 from sma_actuator.plant.worlds import HOME
-
-from .remote.client import without_ros
 
 #: How long a process may take to be ready: the first start on a machine compiles its kernels, and the machine may be
 #: busy.

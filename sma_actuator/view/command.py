@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 
 from sma_actuator.base.commands import NODE_NAME, namespace, node_name
-from sma_actuator.base.errors import UserError
+from sma_actuator.base.errors import UserError, without_ros
 from sma_actuator.base.interrupts import Interrupts, noted_signals
 from sma_actuator.base.options import number_within
 from sma_actuator.base.parameter_file import read_parameter_file
@@ -76,7 +76,9 @@ def run(args: argparse.Namespace) -> int:
     try:
         (_run_foxglove if args.foxglove else _run_page)(nodes, host, args)
     except ModuleNotFoundError as error:
-        package, extra = _BROUGHT.get(error.name or "", (error.name, "ros"))
+        if error.name not in _BROUGHT:
+            raise without_ros(error) from None
+        package, extra = _BROUGHT[error.name]
         raise UserError(f"needs the Python package '{package}' (extra '{extra}')") from error
     return 0
 

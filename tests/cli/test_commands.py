@@ -180,14 +180,12 @@ def test_ctrl_c_while_a_program_is_loaded_ends_it_without_a_traceback(program, t
     assert process.returncode == 130
 
 
-def test_without_ros_the_node_names_the_package_and_the_extra(tmp_path):
+def test_without_ros_the_node_says_what_the_commands_say(tmp_path):
     (tmp_path / "rclpy.py").write_text("raise ModuleNotFoundError(\"No module named 'rclpy'\", name='rclpy')\n")
     environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
     done = subprocess.run([sys.executable, *_NODE], capture_output=True, text=True, env=environment, timeout=60.0)
-    assert (done.returncode, done.stderr) == (
-        1,
-        "sma_actuator_node: needs the Python package 'rclpy' (extra 'ros')\n",
-    )
+    said = "needs ROS 2, and Python finds no 'rclpy': source a ROS 2 installation, or pip install 'sma_actuator[ros]'"
+    assert (done.returncode, done.stderr) == (1, f"sma_actuator_node: {said}\n")
 
 
 @pytest.mark.parametrize(
@@ -195,7 +193,7 @@ def test_without_ros_the_node_names_the_package_and_the_extra(tmp_path):
     [
         ("demo", "rclpy", "needs ROS 2, and Python finds no 'rclpy': source a ROS 2 installation, or pip install"),
         ("status", "rclpy", "needs ROS 2, and Python finds no 'rclpy': source a ROS 2 installation, or pip install"),
-        ("view", "rclpy", "needs the Python package 'rclpy' (extra 'ros')"),
+        ("view", "rclpy", "needs ROS 2, and Python finds no 'rclpy': source a ROS 2 installation, or pip install"),
         ("view", "aiohttp", "needs the Python package 'aiohttp' (extra 'view')"),
     ],
 )

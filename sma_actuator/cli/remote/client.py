@@ -12,7 +12,7 @@ from collections.abc import Callable, Collection, Iterator
 from typing import TYPE_CHECKING, Any
 
 from sma_actuator.base.commands import NODE_NAME, as_commands, namespace, node_name
-from sma_actuator.base.errors import UserError
+from sma_actuator.base.errors import UserError, without_ros
 from sma_actuator.base.interrupts import Interrupts, noted_signals
 from sma_actuator.base.joining import beside_a_node
 from sma_actuator.base.options import number_within
@@ -219,14 +219,6 @@ class NodeClient(Named):
         self._executor.shutdown()
         self._node.destroy_node()
         self._context.try_shutdown()
-
-
-def without_ros(error: ModuleNotFoundError) -> UserError:
-    """What to say where a package of ROS 2 is not there."""
-    return UserError(
-        f"needs ROS 2, and Python finds no '{error.name}': source a ROS 2 installation, or "
-        "pip install 'sma_actuator[ros]'"
-    )
 
 
 @contextlib.contextmanager
