@@ -20,6 +20,7 @@ from sma_actuator.check import look_first
 from sma_actuator.config import BenchConfig, bench_from_mapping
 from sma_actuator.console import add_output_arguments, notes, questions, refuse_to_overwrite, results, typed, write_json
 from sma_actuator.console.asking import Asking, paused, read_answers
+from sma_actuator.instruments import InstrumentError
 from sma_actuator.logs.kinds import FOLLOWED, FULL, LEVELS, PARTIAL
 from sma_actuator.plant.materials import WIRES
 from sma_actuator.plant.worlds import HOME
@@ -204,7 +205,12 @@ def run(args: argparse.Namespace) -> int:
     with shown.bar:
         virtual = {"virtual": args.virtual, "physics": args.physics or HOME} if args.virtual else {}
         say = shown.console.print
-        manifest = characterise(mapping, plan, rig, operator, args.out, shown.progress, first, say, virtual)
+        try:
+            manifest = characterise(mapping, plan, rig, operator, args.out, shown.progress, first, say, virtual)
+        except (InstrumentError, KeyboardInterrupt):
+            if (args.out / "manifest.json").exists():
+                say(f"what is measured stays in {args.out}; the same command goes on there")
+            raise
     write_page(args.out, manifest)
     write_json(args, manifest.data)
     results(args).print(

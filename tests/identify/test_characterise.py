@@ -554,6 +554,21 @@ def test_a_folder_of_another_physics_is_refused_and_what_it_holds_is_said_to_be_
     assert "belongs to another wire" in (said := capsys.readouterr().err) and "'drawn-5'" in said
 
 
+def test_one_that_an_instrument_has_ended_says_what_stays_and_how_it_goes_on(tmp_path, capsys, monkeypatch):
+    def lost(*_):
+        raise InstrumentLost("supply at TCPIP::h::1::SOCKET: no complete answer to 'MEAS?' within 0.2 s")
+
+    shown = ["characterise", "--virtual", "flexinol", "--average", "2", "--out", str(tmp_path)]
+    goes_on = f"what is measured stays in {tmp_path}; the same command goes on there\n"
+    monkeypatch.setitem(RUN, "lead_resistance", lost)
+    assert main(shown) == 1
+    assert goes_on not in capsys.readouterr().err, "nothing is measured yet"
+    monkeypatch.undo()
+    monkeypatch.setitem(RUN, "load_cell", lost)
+    assert main(shown) == 1
+    assert goes_on in capsys.readouterr().err
+
+
 def test_a_hidden_effect_wants_the_virtual_bench_and_a_name_it_knows(tmp_path, capsys):
     out = str(tmp_path / "out")
     assert main(["characterise", "--hidden", "voltage_offset=0.003", "--out", out]) == 1
