@@ -57,7 +57,7 @@ _QUERIES: dict[str, dict[str, tuple[frozenset[str], str]]] = {
     "daq": {
         "identity": (_NOTHING, "text"),
         "ready": (_CHANNELS, "text"),
-        "read": (_CHANNELS, "numbers"),
+        "read": (_CHANNELS | _CHANNEL, "numbers"),
         "error": (_NOTHING, "code"),
     },
 }
@@ -71,8 +71,8 @@ _NEEDED_PLACEHOLDERS = {
 #: Where a DAQ may be told which channels are read: as it takes them, once or with every reading.
 _SAYS_CHANNELS = ("commands.prepare", "commands.before_read", "queries.read")
 _CHANNELS_OR_COLUMNS = (
-    f"{', '.join(_SAYS_CHANNELS)}: one with the placeholder {{channels}} is wanted, or, where every answer has all "
-    "channels, queries.read.columns, how many"
+    f"{', '.join(_SAYS_CHANNELS)}: one with the placeholder {{channels}} is wanted; or queries.read with {{channel}}, "
+    "which is asked of each; or, where every answer has all channels, queries.read.columns, how many"
 )
 _NEEDED: dict[str, dict[str, tuple[str, ...]]] = {
     "supply": {
@@ -282,7 +282,7 @@ def _queries(document: Mapping[str, Any], kind: str, problems: list[str]) -> dic
 
 def _says_channels(commands: Mapping[str, Command], queries: Mapping[str, Query]) -> bool:
     texts = [*(text for name in commands for text in commands[name].texts), queries["read"].text]
-    return any("{channels" in text for text in texts)
+    return any("{channel" in text for text in texts)
 
 
 def _trips(entries: Any, problems: list[str]) -> dict[str, Query]:

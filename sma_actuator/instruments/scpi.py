@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from decimal import Decimal
 from functools import partial
 from math import nan
@@ -305,12 +305,17 @@ class ScpiDaq:
         self._session = session or Session("daq", daq.resource, manner, daq.timeout)
         self._channels = Channels(daq)
         numbers, samples = self._channels.numbers, config.loop.samples_per_block
-        self._values = {
+        self._values: dict[str, Any] = {
             "channels": ",".join(map(str, numbers)),
+            "channel": numbers[0],
             "samples": samples,
             "readings": samples * len(numbers),
         }
         self._queries, _ = dialect.asked(**self._values)
+        read = dialect.queries["read"]
+        self._reads = [(self._queries["read"], numbers)]  #: what is asked for a block, and which channels answer
+        if "{channel}" in read.text:
+            self._reads = [(read.filled({**self._values, "channel": number}), [number]) for number in numbers]
         self._claim: Claim | None = None
         self.identity = ""
 
@@ -349,21 +354,20 @@ class ScpiDaq:
 
     def read_block(self) -> Reading:
         """The mean of the newest block; NaN for channels that are not configured."""
-        query = self._queries["read"]
+        values: list[float] = []
         with self._session.within():
             self._session.tell(*self._dialect.lines("before_read", **self._values))
-            values = self._session.ask_for(
-                query.text, lambda reply: self._means(query.numbers(reply, self._channels.numbers))
-            )
+            for query, channels in self._reads:
+                values += self._session.ask_for(query.text, partial(self._means, query, channels))
         return self._channels.reading(self._clock.now_s(), values)
 
-    def _means(self, numbers: list[float]) -> list[float]:
+    def _means(self, query: Query, channels: Sequence[int], reply: str) -> list[float]:
         """The mean of each channel; raises ValueError for what is neither one mean nor all readings of every
         channel."""
-        wanted = len(self._channels.numbers)
+        numbers, wanted = query.numbers(reply, channels), len(channels)
         if len(numbers) == wanted:
             return numbers
-        if not self._queries["read"].columns and len(numbers) != self._values["readings"]:
+        if not query.columns and len(numbers) != self._values["samples"] * wanted:
             raise ValueError
         return np.array(numbers).reshape(-1, wanted).mean(axis=0).tolist()
 

@@ -73,6 +73,24 @@ def test_a_channel_beyond_the_columns_is_refused(daq_of):
     assert line.lines == []
 
 
+def test_a_daq_that_takes_one_channel_at_a_time_is_asked_for_each(daq_of):
+    """As an oscilloscope, or Red Pitaya's slow inputs."""
+    volts = {"AIN1?": "CH1 +1.50 V", "AIN2?": "CH2 +0.25 V", "AIN4?": "CH4 +0.75 V"}
+    with TcpInstrument(volts.get) as line:
+        daq = daq_of(line.resource, {"ask": "AIN{channel}?", "answer": r"CH\d (.*) V"})
+        daq.open()
+        reading = daq.read_block()
+    assert line.lines == list(volts)
+    assert (reading.supply_voltage_V, reading.reference_voltage_V, reading.load_cell_voltage_V) == (1.5, 0.25, 0.75)
+
+
+def test_of_one_that_takes_one_channel_at_a_time_all_samples_are_averaged(daq_of):
+    with TcpInstrument(lambda line: ",".join(["0.2", "0.3"] * 25)) as line:
+        daq = daq_of(line.resource, "AIN{channel}?")
+        daq.open()
+        assert daq.read_block().load_cell_voltage_V == pytest.approx(0.25)
+
+
 def test_a_decimal_comma_and_lines_that_nobody_asked_for_are_called_so(daq_of):
     read = {"ask": "r", "columns": 4, "separator": ";"}
     with SerialInstrument(lambda line: "1,5;0,25;0;0") as line:

@@ -291,7 +291,7 @@ def test_a_daq_that_is_not_told_its_channels_is_refused(tmp_path):
     document = yaml.safe_load((FOLDER / "virtual_bench_daq.yaml").read_text())
     document["commands"]["prepare"] = "ROUT:SCAN (@101)"
     (tmp_path / "mine.yaml").write_text(yaml.safe_dump(document))
-    wanted = r"prepare, .*read: one with the placeholder \{channels\} is wanted, or, .* queries.read.columns"
+    wanted = r"prepare, .*read: one with the placeholder \{channels\} is wanted; .*\{channel\}, .* queries.read.columns"
     with pytest.raises(ConfigError, match=wanted):
         Dialect.load(str(tmp_path / "mine.yaml"), "daq")
     document["queries"]["read"] = {"ask": "r", "columns": 8}
