@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import io
 import os
 import sys
 import threading
@@ -18,7 +19,8 @@ def keep_standard_streams() -> None:
     """Give a process that was started with one of them closed (``2>&-``, some service managers) an empty one instead.
 
     Else the next connection that is opened takes its number, and whatever is written to standard error, also by the
-    libraries below Python, goes to the power supply.
+    libraries below Python, goes to the power supply.  What the locale of a terminal lacks, as Ω, comes as Python writes
+    it: a program that drives a wire does not end by a letter.
     """
     for number, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
         try:
@@ -27,6 +29,9 @@ def keep_standard_streams() -> None:
             opened = os.open(os.devnull, os.O_RDWR)  # the lowest free number
             assert opened == number
             setattr(sys, name, os.fdopen(number, mode))
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 @contextlib.contextmanager

@@ -35,6 +35,15 @@ def test_what_it_says_does_not_go_where_it_is_connected_to(tmp_path, closed):
     assert run.stdout == ("" if ">&-" in closed.replace("2>&-", "") else "results\n")
 
 
+def test_a_letter_that_the_locale_lacks_ends_nothing():
+    words = "from sma_actuator.base.streams import keep_standard_streams as keep; keep(); print('15.09 \\u03a9')"
+    ascii_only = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    run = subprocess.run(
+        [sys.executable, "-c", words], capture_output=True, env={**os.environ, **ascii_only}, timeout=150, check=False
+    )
+    assert (run.returncode, run.stdout) == (0, rb"15.09 \u03a9" + b"\n"), run.stderr
+
+
 _WORDY = """
 import contextlib, os, sys
 from sma_actuator.base.streams import unblockable_streams
