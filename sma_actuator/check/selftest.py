@@ -83,6 +83,7 @@ class SelfTest:
     def __init__(self, config: BenchConfig, supply: PowerSupply, daq: Daq, clock: Clock):
         self._config, self._supply, self._daq, self._clock = config, supply, daq, clock
         self._aborted = threading.Event()
+        self._opened = False  #: the supply was, so that what flows is ours
         self._feeding = False  #: the watchdog of the supply
         self.found: list[Found] = []
         self.identity = ""
@@ -118,8 +119,14 @@ class SelfTest:
                 instrument.close()
         if self.off_confirmed:
             self._say("output", "the output is off, and the supply has read that back")
-        else:
+        elif self._opened:
             self._wrong("output", "the output is not confirmed to be off: look at the supply, switch it off by hand")
+        else:
+            self._wrong(
+                "output",
+                "the output is not confirmed to be off, since the supply was not opened: unless "
+                "another program drives it, look at it",
+            )
         return self.found
 
     # --- what is said ---------------------------------------------------------------------------------
@@ -181,6 +188,7 @@ class SelfTest:
 
     def _identity(self) -> str:
         self._supply.open()
+        self._opened = True
         self._daq.open()
         self.identity = self._supply.identity
         return f"the supply is {self._supply.identity}; the DAQ is {self._daq.identity}"

@@ -239,7 +239,7 @@ def test_of_a_usual_wire_behind_a_watchdog_it_says_that_it_will_contract():
 def test_of_a_supply_that_was_never_opened_nobody_says_that_it_read_back_off():
     stand = Stand(lambda stand: stand.faults.update(supply_silent=1.0))
     assert not stand.test.off_confirmed
-    assert "the output is not confirmed to be off" in stand.wrong[-1]
+    assert "not confirmed to be off, since the supply was not opened: unless another program" in stand.wrong[-1]
 
 
 def test_asked_to_end_it_ends_with_the_output_off():
