@@ -387,6 +387,8 @@ def _value(name: str, text: Any) -> Any:
         raise ConfigError(problem)
     if name.endswith(".dialect"):
         Dialect.load(value, name.split(".")[1])
+        if Path(value).suffix in (".yaml", ".yml"):  # one's own: the node may be started in another folder
+            return str(Path(value).absolute())
     return list(value) if isinstance(value, tuple) else value
 
 

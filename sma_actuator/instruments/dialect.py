@@ -161,7 +161,8 @@ class Dialect:
         path = Path(name_or_path)
         if path.suffix not in (".yaml", ".yml"):
             path = _named(name_or_path, kind)
-        return cls._checked(path, read_yaml(path, f"a dialect for instruments.{kind}.dialect"), kind)
+        place = "" if path.is_absolute() else f", looked for from {Path.cwd()},"
+        return cls._checked(path, read_yaml(path, f"a dialect for instruments.{kind}.dialect{place}"), kind)
 
     @classmethod
     def _checked(cls, path: Path, document: Any, kind: str) -> Dialect:

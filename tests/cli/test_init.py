@@ -2,6 +2,7 @@
 
 import multiprocessing
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 from rig import Rig
 
 from sma_actuator.base.errors import UserError
+from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.sections import Loop
 from sma_actuator.base.share import shared_file
 from sma_actuator.characterise.plan import QUICK_READINGS
@@ -19,6 +21,7 @@ from sma_actuator.cli.main import main
 from sma_actuator.config import Config, bench_from_mapping, read_parameter_file, write_parameter_file
 from sma_actuator.console import refuse_to_overwrite
 from sma_actuator.derived import HOT_RESISTIVITY_Ohm_m, derived, with_derived, without_derived
+from sma_actuator.instruments.dialect import FOLDER, Dialect
 from sma_actuator.logs.units import quantity
 
 ANSWERS = {
@@ -196,6 +199,20 @@ def test_where_nobody_answers_what_has_a_usual_answer_gets_it(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "nobody can answer: as Enter" in done.stderr
     assert read_parameter_file(tmp_path / "bench.yaml")["instruments"]["daq"]["supply_voltage_channel"] == 101
+
+
+def test_a_dialect_of_ones_own_is_found_from_every_folder(tmp_path, monkeypatch, capsys):
+    (tmp_path / "bench").mkdir()
+    shutil.copy(FOLDER / "virtual_bench_supply.yaml", tmp_path / "bench" / "mine.yaml")
+    monkeypatch.chdir(tmp_path / "bench")
+    said = {**ANSWERS, "instruments.supply.dialect": "mine.yaml"}
+    words = [word for name, answer in said.items() for word in ("--set", f"{name}={answer}")]
+    assert main(["init", *words, "--out", "bench.yaml"]) == 0
+    monkeypatch.chdir(tmp_path)
+    written = read_parameter_file(tmp_path / "bench" / "bench.yaml")["instruments"]["supply"]["dialect"]
+    assert Dialect.load(written, "supply").family == "SMA Actuator virtual supply"
+    with pytest.raises(ConfigError, match=f"mine.yaml: cannot be read .*, looked for from {tmp_path}, is wanted"):
+        Dialect.load("mine.yaml", "supply")
 
 
 def test_a_supply_without_a_watchdog_wants_a_word(tmp_path, capsys):
