@@ -98,6 +98,7 @@ class SessionSupply(ABC):
         self._afterwards: Afterwards | None = None  #: who says off when this program is gone
         self._confirmed = False  #: off was read back, and on not said since
         self._unsafe: list[str] = []  #: states that cannot be made safe, in a sentence each
+        self._warned: set[str] = set()  #: of which of them was said, once, however often it is opened
         self.identity = ""
 
     @property
@@ -145,9 +146,10 @@ class SessionSupply(ABC):
                 if not self._ours:
                     self._release()
                 raise
-        if not self._ours:
-            for sentence in self._unsafe:
+        for sentence in self._unsafe:
+            if sentence not in self._warned:
                 _log.warning("%s: %s", session.name, sentence)
+                self._warned.add(sentence)
         self._ours = True
 
     def _claimed_soon(self) -> Claim:
