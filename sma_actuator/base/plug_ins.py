@@ -23,9 +23,11 @@ LOAD_TIMEOUT_s = 60.0
 #: Which entry points were imported without harm, by this process or the one that started it.
 _HARMLESS = "SMA_ACTUATOR_PLUG_INS"
 _LOOK = """
-import sys
+import os, signal, sys
 from importlib.metadata import EntryPoint
-done, name, value, group, *sys.path[:] = sys.argv[1:]
+parent, done, name, value, group, *sys.path[:] = sys.argv[1:]
+from sma_actuator.base.parent import end_with
+end_with(int(parent), signal.SIGKILL)  # one that hangs stays behind nobody
 try:
     EntryPoint(name, value, group).load()
 except Exception:
@@ -69,7 +71,7 @@ def _harm(point: EntryPoint) -> str:
         return ""
     # A plug-in that asks for parts of its own kind is not looked at again by the process that looks at it.
     harmless = " ".join([*known, key])
-    command = [sys.executable, "-c", _LOOK, key, point.name, point.value, point.group, *sys.path]
+    command = [sys.executable, "-c", _LOOK, str(os.getpid()), key, point.name, point.value, point.group, *sys.path]
     with tempfile.TemporaryFile() as said:  # no pipe: what the package started may hold it open for ever
         try:
             code = subprocess.run(

@@ -60,8 +60,10 @@ class Afterwards:
 
     @property
     def waits(self) -> bool:
-        """Whether it is still there."""
-        return self._process.poll() is None
+        """Whether it is still there, and does not stand still, as after SIGSTOP."""
+        if self._process.poll() is not None:
+            return False
+        return os.waitid(os.P_PID, self._process.pid, os.WSTOPPED | os.WNOHANG | os.WNOWAIT) is None
 
     def dismiss(self) -> None:
         """End it without a word: the supply has read back that it is off."""

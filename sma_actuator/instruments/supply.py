@@ -185,11 +185,14 @@ class SessionSupply(ABC):
         self._tell_output(on)
 
     def _keep_afterwards(self) -> None:
-        """Begin it anew where it was ended by somebody, as all of a program's processes may be, one after the other."""
+        """Begin it anew where it was ended by somebody, as all of a program's processes may be, one after the other, or
+        stopped."""
         if self._afterwards is not None and not self._afterwards.waits:
-            self._afterwards.leave()
+            self._afterwards.dismiss()
             self._afterwards = None
-            _log.warning("%s: who says off when this program is killed was ended; begun anew", self._session.name)
+            _log.warning(
+                "%s: who says off when this program is killed was ended or stopped; begun anew", self._session.name
+            )
             self._begin_afterwards()
 
     def _begin_afterwards(self) -> None:

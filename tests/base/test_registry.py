@@ -3,10 +3,13 @@
 import importlib
 import os
 import signal
+import subprocess
 import sys
 from importlib.metadata import entry_points
+from pathlib import Path
 
 import pytest
+from waiting import wait_until
 
 from sma_actuator.base import plug_ins
 from sma_actuator.base.plug_ins import PlugInError
@@ -109,6 +112,23 @@ def test_a_package_that_hangs_or_ends_the_process_is_named_and_does_so_in_anothe
     with pytest.raises(PlugInError, match=f"package '{PACKAGE}' 1.2: its entry point more = {PACKAGE}") as raised:
         list(parts)
     assert said in str(raised.value)
+
+
+def test_who_looks_at_a_package_that_hangs_ends_with_the_program(install, tmp_path):
+    """Killed meanwhile, it left a process behind that never came to an end."""
+    install(
+        f"import os, time\nopen({str(tmp_path / 'looks')!r}, 'w').write(str(os.getpid()))\ntime.sleep(3600)",
+        more=PACKAGE,
+    )
+    words = f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n"
+    words += "from importlib.metadata import entry_points\nfrom sma_actuator.base.plug_ins import load_plug_in\n"
+    words += "(point,) = entry_points(group='tiny.parts')\nload_plug_in(point)"
+    program = subprocess.Popen([sys.executable, "-c", words])
+    looks = tmp_path / "looks"
+    wait_until(lambda: looks.exists() and looks.read_text(), what="the look at the package")
+    program.kill()
+    program.wait()
+    wait_until(lambda: not Path("/proc", looks.read_text()).exists(), what="its end")
 
 
 def test_a_package_that_takes_the_signals_when_it_is_imported_does_not_keep_them(parts, install):

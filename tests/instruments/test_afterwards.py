@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 import pytest
-from waiting import Elapsed, Stalls
+from waiting import Elapsed, Stalls, wait_until
 
 from sma_actuator.bench import VirtualBench
 from sma_actuator.bench.server import background
@@ -197,7 +197,8 @@ def test_nobody_to_begin_is_a_warning_and_no_failure(mapping, monkeypatch, caplo
     supply.close()
 
 
-def test_who_waits_and_is_ended_is_begun_anew_while_current_may_flow(mapping, caplog):
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def test_who_waits_and_is_ended_or_stopped_is_begun_anew_while_current_may_flow(mapping, caplog, number):
     """The program that was killed after it left the current on."""
     supply = open_supply(Config.from_mapping(mapping()))
     supply.open()
@@ -205,11 +206,12 @@ def test_who_waits_and_is_ended_is_begun_anew_while_current_may_flow(mapping, ca
     first = supply._afterwards._process
     supply.check_next_setting()
     assert supply._afterwards._process is first and "begun anew" not in caplog.text
-    first.kill()
-    first.wait()
+    first.send_signal(number)
+    wait_until(lambda: not supply._afterwards.waits, what="its end")
     supply.check_next_setting()
+    assert first.poll() == -signal.SIGKILL, "nobody is left behind"
     assert supply._afterwards.waits and supply._afterwards._process.pid != first.pid
-    assert "who says off when this program is killed was ended; begun anew" in caplog.text
+    assert "who says off when this program is killed was ended or stopped; begun anew" in caplog.text
     supply.switch_off()
     supply.close()
     assert supply._afterwards is None
