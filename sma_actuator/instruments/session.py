@@ -260,11 +260,8 @@ class Session:
             if not said or not said.replace("\t", " ").isprintable():
                 raise self.garbled(line, said, "", self.may_begin_anew)
             if said != lines[0] and self._manner.acknowledgement is None:
-                if lines[:-1] != lines[:1] * len(self._told):  # to each line the same, or it is a greeting
-                    greeting = _shown("; ".join(lines[:-1]))
-                    raise self.give_up(
-                        f"said '{greeting}' without being asked: {self._for_people}{self._advice(lines[0])}"
-                    )
+                if self._is_understood or lines[:-1] != lines[:1] * len(self._told):  # not the same to each line
+                    raise self._unasked("; ".join(lines[:-1]), lines[0])
                 self.give_up("")
                 raise InstrumentRefused(
                     f"{self.name}: it answers commands ('{_shown(lines[0])}' to '{self._told[0]}'): put "
@@ -408,8 +405,14 @@ class Session:
             whole = self._line_is_whole or self._manner.acknowledgement is not None  # of the latter the rest is to come
             first = self._line(f"'{line}'", by_s) if whole else _shown(came)
             if not self._acknowledges(first):
-                whose = self._out_of_step if self._answered else self._for_people
-                raise self.give_up(f"said '{_shown(came)}' without being asked: {whose}{self._advice(first)}")
+                raise self._unasked(came, first)
+
+    def _unasked(self, came: bytes | str, first: str) -> InstrumentLost:
+        """What came is no answer: a greeting, what acknowledges a command, or a late answer to an earlier connection,
+        as a serial line and a gateway keep it."""
+        whose = self._out_of_step if self._is_understood else self._for_people
+        advice = self._advice(first) if self._answered or not self._is_understood else ""
+        return self.give_up(f"said '{_shown(came)}' without being asked: {whose}{advice}")
 
     def _owe(self, *lines: str) -> None:
         self._told += lines
