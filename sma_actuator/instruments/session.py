@@ -40,6 +40,8 @@ from .patterns import Pattern
 _log = logging.getLogger(__name__)
 T = TypeVar("T")
 
+#: Where Linux shows serial lines of USB, below /dev.
+_SERIAL_PORTS = ("serial/by-id/*", "ttyUSB*", "ttyACM*")
 #: How long is waited for an identity behind lines that are none: of an instrument that answers commands.
 _LATE_s = 0.3
 #: How long opening may take with all its lines together, in multiples of the time for one answer: a slow instrument
@@ -525,14 +527,20 @@ class Session:
         )
 
     def _cannot_be_opened(self, error: Exception) -> InstrumentUnreachable:
-        if self._is_serial and isinstance(error, OSError) and error.errno == errno.EACCES:  # an error of pyserial's own
-            return InstrumentUnreachable(
-                f"{self.name}: this user may not open it; put yourself into the group of the device, as with "
-                "'sudo usermod -aG dialout $USER', and log in anew"
-            )
-        return InstrumentUnreachable(
-            f"{self.name}: cannot be opened ({error}); is it switched on, and is the address right?"
-        )
+        why = f"cannot be opened ({error}); is it switched on, and is the address right?"
+        if self._is_serial and isinstance(error, OSError):  # as pyserial's own are
+            if error.errno == errno.EACCES:
+                why = (
+                    "this user may not open it; put yourself into the group of the device, as with "
+                    "'sudo usermod -aG dialout $USER', and log in anew"
+                )
+            elif error.errno == errno.ENOENT:
+                there = ", ".join(str(path) for places in _SERIAL_PORTS for path in sorted(Path("/dev").glob(places)))
+                why = (
+                    f"there is no such port; of USB there is {there or 'none'}; what is plugged in anew may have "
+                    "another name, but for that in /dev/serial/by-id"
+                )
+        return InstrumentUnreachable(f"{self.name}: {why}")
 
 
 def _canonical(resource: str) -> str:

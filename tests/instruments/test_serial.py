@@ -265,6 +265,16 @@ def test_a_line_that_cannot_be_set_so_is_given_back():
         assert not pyvisa.ResourceManager("@py").list_opened_resources()
 
 
+def test_a_port_that_is_gone_says_which_there_are(monkeypatch):
+    """Pulled and plugged in again it may be /dev/ttyUSB1."""
+    session = Session("daq", "ASRL/dev/ttyUSB_gone::INSTR", Manner(), 1.0)
+    with pytest.raises(InstrumentError, match=r"there is no such port; of USB there is .*; .* in /dev/serial/by-id$"):
+        session.open()
+    monkeypatch.setattr(session_module, "_SERIAL_PORTS", ("nul*",))
+    with pytest.raises(InstrumentError, match="of USB there is /dev/null; "):
+        session.open()
+
+
 def test_a_line_that_belongs_to_another_group_says_how_it_is_joined(monkeypatch):
     """The first hour on many a computer: /dev/ttyUSB0 is for the group dialout alone."""
 
