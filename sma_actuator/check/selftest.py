@@ -447,10 +447,12 @@ class SelfTest:
         if abs(-supply_V - by_supply_V) <= VOLTAGE_SHARE * by_supply_V:
             self._end("supply voltage", "the supply voltage reads backwards: its taps are swapped")
         if abs(supply_V - by_supply_V) > VOLTAGE_SHARE * by_supply_V + 0.01:
+            why = "are the taps across wire, leads and sense resistor?"
+            if abs(by_supply_V / self._config.supply.max_voltage - 1.0) <= VOLTAGE_SHARE:
+                why = "to that it was set; does its dialect ask for what it measures?"
             self._wrong(
                 "supply voltage",
-                f"the DAQ reads {supply_V:.4g} V where the supply delivers {by_supply_V:.4g} V: are the taps across "
-                "wire, leads and sense resistor?",
+                f"the DAQ reads {supply_V:.4g} V where the supply delivers {by_supply_V:.4g} V: {why}",
             )
 
     def _expected_Ohm(self) -> tuple[float, float]:

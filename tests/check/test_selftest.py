@@ -242,6 +242,17 @@ def test_of_a_supply_that_was_never_opened_nobody_says_that_it_read_back_off():
     assert "not confirmed to be off, since the supply was not opened: unless another program" in stand.wrong[-1]
 
 
+def test_a_supply_that_says_its_setting_for_what_it_measures_is_called_so():
+    """As by VOLT? in the place of MEAS:VOLT? in its dialect: the wiring is right."""
+    stand = Stand()
+    supply = InProcessSupply(stand.bench, stand.config)
+    measured = supply.read_back
+    supply.read_back = lambda: replace(measured(), voltage_V=stand.config.supply.max_voltage)
+    test = SelfTest(stand.config, supply, InProcessDaq(stand.bench, stand.config), VirtualClock(stand.bench))
+    (wrong,) = [each.sentence for each in test.run() if each.level is Level.WRONG]
+    assert wrong.endswith("the supply delivers 4 V: to that it was set; does its dialect ask for what it measures?")
+
+
 def test_asked_to_end_it_ends_with_the_output_off():
     stand = Stand()
     supply = InProcessSupply(stand.bench, stand.config)
