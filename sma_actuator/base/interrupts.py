@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 
 class Interrupts:
@@ -89,10 +89,15 @@ def raised_signals(*numbers: int) -> Iterator[None]:
             signal.signal(number, handler)
 
 
+def handled_signals() -> list[int]:
+    """Those that end a program and have a handler of Python's, which raises an exception or does something else."""
+    return [number for number in every_ending_signal() if callable(signal.getsignal(number))]
+
+
 @contextlib.contextmanager
-def noted_signals() -> Iterator[Interrupts]:
-    """Note SIGINT, also where it was ignored, and :func:`ending_signals` while the block runs; afterwards they do what
-    they did before.
+def noted_signals(numbers: Sequence[int] | None = None) -> Iterator[Interrupts]:
+    """Note these signals, or SIGINT, also where it was ignored, and :func:`ending_signals`, while the block runs;
+    afterwards they do what they did before.
 
     In a thread other than the main one nothing is noted, since Python lets only the main thread have handlers.
     """
@@ -100,7 +105,8 @@ def noted_signals() -> Iterator[Interrupts]:
     if threading.current_thread() is not threading.main_thread():
         yield interrupts
         return
-    before = {number: signal.signal(number, interrupts.note) for number in (signal.SIGINT, *ending_signals())}
+    numbers = (signal.SIGINT, *ending_signals()) if numbers is None else numbers
+    before = {number: signal.signal(number, interrupts.note) for number in numbers}
     try:
         yield interrupts
     finally:

@@ -11,6 +11,7 @@ from typing import Any
 import joblib
 from joblib.parallel import LokyBackend, get_active_backend
 
+from sma_actuator.base.interrupts import handled_signals, noted_signals
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.parent import end_with
 
@@ -37,8 +38,13 @@ class _EndingWithUs(LokyBackend):
     more."""
 
     def configure(self, *args: Any, **kwargs: Any) -> Any:
-        """As joblib does it, and each begins so."""
-        return super().configure(*args, initializer=end_with, initargs=(os.getpid(), signal.SIGKILL), **kwargs)
+        """As joblib does it, and each begins so: at once, all of them, whom no Ctrl-C leaves half begun with a
+        traceback each."""
+        with noted_signals(handled_signals()) as interrupts:
+            jobs = super().configure(*args, initializer=end_with, initargs=(os.getpid(), signal.SIGKILL), **kwargs)
+            self._workers.submit(int)
+        interrupts.raise_noted()
+        return jobs
 
 
 @contextmanager

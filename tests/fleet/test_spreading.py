@@ -54,6 +54,31 @@ def test_a_trace_that_is_ended_takes_its_workers_with_it_in_good_order(number, f
     assert words.strip().endswith("sma-actuator trace: interrupted") and "Traceback" not in words
 
 
+_INTERRUPTED = """
+import os, signal, time
+from joblib.externals.loky.backend import fork_exec
+from sma_actuator.fleet import spread
+begin = fork_exec.fork_exec
+def interrupted(*args, **kwargs):
+    process = begin(*args, **kwargs)
+    os.kill(os.getpid(), signal.SIGINT)
+    return process
+fork_exec.fork_exec = interrupted
+with spread(2) as do:
+    list(do([(time.sleep, (600.0,))] * 4))
+"""
+
+
+def test_a_worker_that_is_begun_as_ctrl_c_comes_is_not_left_half_begun(tmp_path):
+    """It had said with a traceback what it was not told."""
+    environment = {**os.environ, MARK: str(tmp_path)}
+    program = [sys.executable, "-c", _INTERRUPTED]
+    done = subprocess.run(program, capture_output=True, text=True, env=environment, timeout=SOON_s, check=False)
+    wait_until(lambda: not marked(tmp_path), what="the end of all workers", every_s=SCAN_s)
+    assert done.returncode == -signal.SIGINT and done.stdout == ""
+    assert done.stderr.strip().endswith("KeyboardInterrupt: 2")
+
+
 _PROGRAM = """
 import time
 from sma_actuator.fleet import spread
