@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from sma_actuator.config import bench_from_mapping, write_parameter_file
+from sma_actuator.instruments import InstrumentLost
 from sma_actuator.logs.bench_log import BenchLog, read_bench_log, write_bench_log
 
 from .manifest import Manifest
@@ -56,7 +57,14 @@ def characterise(
     with rig.opened():
         for part in todo:
             progress(part, 0.0)
-            outcome = RUN[part.kind](part, rig, operator, logs, partial(progress, part))
+            run = partial(RUN[part.kind], part, rig, operator, logs, partial(progress, part))
+            try:
+                outcome = run()
+            except InstrumentLost as error:  # one answer in an hour; the output is off
+                say(f"{error}; {part.name} begins anew")
+                rig.supply.open()
+                rig.daq.open()
+                outcome = run()
             for name, log in outcome.logs.items():
                 write_bench_log(folder / f"{name}.csv", log)
             logs.update(outcome.logs)

@@ -271,6 +271,25 @@ def test_an_interrupted_characterisation_keeps_what_is_finished_and_resumes_ther
     assert len(read_bench_log(tmp_path / "pulses_0.500N.csv")) > 100
 
 
+def test_a_part_in_which_an_answer_was_lost_begins_anew_by_itself_once(tmp_path):
+    bench, rig, operator = virtual_rig("flexinol")
+    plan, said, whole = make_plan(rig.config, QUICK), [], "pulses_0.500N"
+
+    def progress(part, elapsed_s):
+        if part.name == whole and elapsed_s > 1.0 and not said:
+            bench.inject("daq_silent")
+
+    def say(words):
+        said.append(words)
+        assert not bench.supply.output_on, "no current flows meanwhile"
+        bench.clear("daq_silent")
+
+    manifest = characterise(bench_mapping("flexinol"), plan, rig, operator, tmp_path, progress, say=say)
+    assert len(said) == 1 and said[0].endswith(f"; {whole} begins anew")
+    log = read_bench_log(tmp_path / f"{whole}.csv")
+    assert whole in manifest.data["parts"] and log["time_s"][0] == 0.0 and np.diff(log["time_s"]).max() < 0.1
+
+
 @pytest.fixture
 def minded():
     """Signals that are ignored where these tests run under nohup or in the background are not, here."""
