@@ -38,7 +38,7 @@ from sma_actuator.base.parent import end_with
 from sma_actuator.base.share import shared_file
 from sma_actuator.bench.real import PHYSICS, physics_name
 from sma_actuator.config import Config
-from sma_actuator.console import add_output_arguments, refuse_to_overwrite, say_next, write_json
+from sma_actuator.console import add_output_arguments, refuse_to_overwrite, results, say_next, write_json
 from sma_actuator.control.setpoints import Setpoint, sine, steps, triangle
 from sma_actuator.control.tracking import TrackingErrors
 from sma_actuator.instruments import InstrumentError
@@ -87,7 +87,7 @@ def run(args) -> int:
         import rclpy  # noqa: F401 - before bench and node are started
     except ModuleNotFoundError as error:
         raise without_ros(error) from None
-    console = Console(stderr=args.json == Path("-"))
+    console = results(args)
     parameters = read_parameter_file(shared_file(f"config/{args.wire}.yaml"))
     with noted_signals() as interrupts, _folder() as folder, contextlib.ExitStack() as stack:
         os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
@@ -113,7 +113,7 @@ def run(args) -> int:
         if args.view:
             command = [sys.executable, "-m", "sma_actuator", "view", "--quiet", "--port", "0"]
             children.append(stack.enter_context(_process("page", command, Path(folder) / "view.log", console)))
-            console.print(f"open {_address_of(children[-1], interrupts)}", soft_wrap=True, highlight=False)
+            console.print(f"open {_address_of(children[-1], interrupts)}", soft_wrap=True)
         errors = TrackingErrors(config.wire.full_stroke_m)
         _drive(config, args.duration, errors, console, children, interrupts)
         node.stop()
@@ -361,7 +361,7 @@ class _Child:
         lines = self.log.read_text(errors="replace").strip().splitlines()
         for line in lines[self._shown :]:
             if COMPILING in line:
-                self.console.print(f"{self.name}: {line}", soft_wrap=True, highlight=False, markup=False)
+                self.console.print(f"{self.name}: {line}", soft_wrap=True)
         self._shown = len(lines)
         if ended:
             words = lines[-1] if lines else "it said nothing"
