@@ -432,7 +432,7 @@ class Session:
             self.give_up("")
             raise InstrumentRefused(
                 f"{self.name}: answered '{_shown(said)}' to '{line}', where acknowledgement '{self._wanted}' of its "
-                "dialect was wanted: it refuses that, or the dialect is not its own"
+                "dialect was wanted: it refuses that, or the dialect is not its own (docs/dialects.md)"
             )
 
     @property

@@ -96,7 +96,7 @@ def test_a_wire_is_moved_watched_and_stopped(bench, capsys):
     assert said.err.splitlines() == [
         f"next: `sma-actuator watch{OPTIONS}`, or `sma-actuator stop{OPTIONS}`",
     ]
-    reaches = r"to 2.500 mm; at this load the wire reaches (.+) \(0%\) to (.+) mm \(100%\)"
+    reaches = r"to 2.500 mm; at this load the wire can be held from (.+) \(0%\) to (.+) mm \(100%\)"
     short_mm, long_mm = map(float, re.match(reaches, said.out).groups())
     assert main(["move", "40%", *NODE, "--within", "60"]) == 0
     aim_mm = short_mm + 0.4 * (long_mm - short_mm)
@@ -179,7 +179,7 @@ def test_a_position_that_is_not_reached_is_said_and_the_wire_is_held(bench, caps
     _enable(capsys)
     assert main(["move", "-0.05", *NODE, "--within", "1.5", "-q"]) == 1
     said = capsys.readouterr()
-    assert "-50.000 mm is beyond what the wire reaches at this load" in said.err
+    assert "-50.000 mm is beyond where the wire can be held at this load" in said.err
     assert "held at its short end" in said.err
     assert "not there within 1.5 s; position" in said.err and said.out == ""
     _status(capsys, mode="hold", fault="")

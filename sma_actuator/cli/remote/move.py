@@ -144,7 +144,7 @@ def beyond_words(asked_m: float, status: Status) -> str:
         return ""
     which, end_m = ("short", short_m) if asked_m < short_m else ("long", long_m)
     return (
-        f"{asked_m * 1e3:.3f} mm is beyond what the wire reaches at this load, {short_m * 1e3:.3f} to "
+        f"{asked_m * 1e3:.3f} mm is beyond where the wire can be held at this load, {short_m * 1e3:.3f} to "
         f"{long_m * 1e3:.3f} mm; it is held at its {which} end, {end_m * 1e3:.3f} mm"
     )
 
@@ -163,7 +163,7 @@ def _of_wire(client: NodeClient, args, status: Status) -> _Motion:
     asked_m, near_m = _in(args.position, "m", _WIRE), _in(args.tolerance or Place(usual_m, "m"), "m", _WIRE)
     if known and not args.quiet:
         reach = f"{low_m * 1e3:.3f} (0%) to {high_m * 1e3:.3f} mm (100%)"
-        print(f"to {asked_m * 1e3:.3f} mm; at this load the wire reaches {reach}", flush=True)
+        print(f"to {asked_m * 1e3:.3f} mm; at this load the wire can be held from {reach}", flush=True)
     return _Motion("setpoint", setpoint_message(asked_m), asked_m, near_m)
 
 
