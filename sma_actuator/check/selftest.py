@@ -21,6 +21,7 @@ from sma_actuator.derived import not_survived
 from sma_actuator.estimation.circuit import signals_from_reading
 from sma_actuator.instruments import Clock, Daq, InstrumentError, PowerSupply
 from sma_actuator.safety.alive import RARE
+from sma_actuator.safety.guards.supply import SETTING_TOLERANCE_A
 from sma_actuator.safety.supervisor import may_flow_W, unwatched_s
 from sma_actuator.safety.thermal import WireHeat
 
@@ -45,6 +46,8 @@ PERIOD_SHARE = 0.2  #: by which the DAQ may be slower than the loop
 CONTRACTED_C = 115.0
 WATCHDOG_TIMES = 1.5  #: of its delay, that the watchdog may take to cut
 _ROUNDING_s = 1e-6  #: a clock that goes by steps may stand so much before what was waited for
+#: Above the bias [A]: so close and so far that steps of 5 mA and more lie SETTING_TOLERANCE_A away from one at least.
+BETWEEN_A = tuple(0.7e-3 * number for number in range(1, 9))
 CUT_SHARE = 0.2  #: of the bias current, below which the output counts as cut
 
 
@@ -105,6 +108,7 @@ class SelfTest:
                 self._at_rest,
                 self._at_bias,
                 self._at_more,
+                self._between,
                 self._heat,
                 self._watchdog,
             ):
@@ -400,12 +404,13 @@ class SelfTest:
                     "connected to it, it is stuck, or its digits are coarser than any noise",
                 )
         supply_V, reference_V = (float(np.mean(values[n])) for n in ("supply_voltage_V", "reference_voltage_V"))
-        self._current(supply_V, reference_V, state.current_A, state.voltage_V)
+        self._current(supply_V, reference_V, state)
         self._voltage(supply_V, state.voltage_V)
         self._resistance_Ohm = self._resistance(supply_V, reference_V)
 
-    def _current(self, supply_V: float, reference_V: float, by_supply_A: float, voltage_V: float) -> None:
+    def _current(self, supply_V: float, reference_V: float, state: SupplyState) -> None:
         bias_A, sense_Ohm = self._config.supply.bias_current, self._config.circuit.reference_resistance
+        by_supply_A, voltage_V = state.current_A, state.voltage_V
         by_daq_A = reference_V / sense_Ohm
         near_A = CURRENT_SHARE * bias_A
         if abs(by_supply_A - bias_A) > near_A:
@@ -415,9 +420,11 @@ class SelfTest:
                     f"the circuit is open: the supply is at its compliance voltage, {voltage_V:.3g} V, and "
                     f"{by_supply_A * 1e3:.3g} mA flow; look at the crimps and the leads",
                 )
+            rounded = "; that is what its dialect's digits leave of supply.bias_current: choose one that they can write"
             self._end(
                 "bias",
-                f"the supply was told {bias_A * 1e3:.3g} mA and says that it delivers {by_supply_A * 1e3:.3g} mA",
+                f"the supply was told {bias_A * 1e3:.3g} mA and says that it delivers {by_supply_A * 1e3:.3g} mA"
+                f"{rounded if abs(by_supply_A + state.cut_off_A - bias_A) <= near_A else ''}",
             )
         if abs(by_daq_A - bias_A) <= near_A:
             self._say(
@@ -523,6 +530,26 @@ class SelfTest:
             )
         else:
             self._say("linearity", f"the same resistance at {more_A * 1e3:.3g} mA, within {abs(away_Ohm):.2g} Ω")
+
+    def _between(self) -> None:
+        """Currents that a controller asks for: steps that are too coarse look like a second commander to the driver."""
+        supply = self._config.supply
+        most_A = min(MORE_CURRENT * supply.bias_current, supply.max_current)
+        try:
+            for more_A in BETWEEN_A:
+                wanted_A = min(supply.bias_current + more_A, most_A)
+                self._supply.set_current(wanted_A)
+                state = self._flows()
+                found_A = state.current_setting_A
+                if abs(found_A + state.cut_off_A - wanted_A) > SETTING_TOLERANCE_A:
+                    self._wrong(
+                        "steps",
+                        f"the supply was told {wanted_A * 1e3:.4g} mA and reads back {found_A * 1e3:.4g} mA: it takes "
+                        "currents in coarser steps than its dialect writes, as {value:.2f} for 10 mA",
+                    )
+                    return
+        finally:
+            self._supply.set_current(supply.bias_current)
 
     def _heat(self) -> None:
         """How hot the limit of current lets the wire become, before it has shown what heat it loses."""

@@ -1,6 +1,7 @@
 """The self-test: a wire that is wired as its parameters say passes, each wiring mistake gets its own sentence."""
 
 import json
+import math
 import re
 from dataclasses import replace
 
@@ -240,6 +241,31 @@ def test_of_a_supply_that_was_never_opened_nobody_says_that_it_read_back_off():
     stand = Stand(lambda stand: stand.faults.update(supply_silent=1.0))
     assert not stand.test.off_confirmed
     assert "not confirmed to be off, since the supply was not opened: unless another program" in stand.wrong[-1]
+
+
+@pytest.mark.parametrize(
+    ("steps_A", "is_said"), [(1e-3, False), (4e-3, False), (5e-3, True), (7.3e-3, True), (0.02, True)]
+)
+def test_a_supply_that_takes_currents_in_coarse_steps_is_named_before_the_driver_doubts_it(steps_A, is_said):
+    stand = Stand()
+    supply = InProcessSupply(stand.bench, stand.config)
+    genuine = supply.set_current
+    bias_A = stand.config.supply.bias_current
+    supply.set_current = lambda current_A: genuine(bias_A + round((current_A - bias_A) / steps_A) * steps_A)
+    test = SelfTest(stand.config, supply, InProcessDaq(stand.bench, stand.config), VirtualClock(stand.bench))
+    said = [each.sentence for each in test.run() if each.part == "steps"]
+    assert bool(said) == is_said and all("it takes currents in coarser steps than its dialect" in each for each in said)
+
+
+def test_a_bias_that_the_digits_of_a_dialect_cannot_write_is_named():
+    stand = Stand(lambda stand: stand.change(supply__bias_current=0.049))
+    supply = InProcessSupply(stand.bench, stand.config)
+    genuine, measured = supply.set_current, supply.read_back
+    supply.set_current = lambda current_A: genuine(math.floor(current_A * 100.0) / 100.0)
+    supply.read_back = lambda: replace(measured(), cut_off_A=0.009)
+    test = SelfTest(stand.config, supply, InProcessDaq(stand.bench, stand.config), VirtualClock(stand.bench))
+    (wrong,) = [each.sentence for each in test.run() if each.level is Level.WRONG]
+    assert wrong.endswith("digits leave of supply.bias_current: choose one that they can write")
 
 
 def test_a_supply_that_says_its_setting_for_what_it_measures_is_called_so():
