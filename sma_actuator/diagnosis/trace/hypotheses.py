@@ -29,6 +29,8 @@ from .limits import LIMITS
 
 NOTHING, SOMETHING_ELSE = "nothing", "something else"
 GOES_WITH_NOTHING = "nothing that was looked at"
+BESIDE = 0.5  #: of two things at once, share of those of which one has no name
+UNNAMED = 2.0 + BESIDE  #: how probable something else is, in ``rare``: like no effect, looking like one, or beside one
 PROMISING = 20  #: pairs that are sketched, of all
 BEST_FEW = 4  #: single effects that something else is held beside, and may look like
 IN_EARNEST = 5  #: pairs that are fitted, at the most
@@ -122,27 +124,27 @@ class Rows:
         return Hypothesis((NOTHING,), likelihood, likelihood, by_row)
 
     def something_else(self, effects: Sequence[Hypothesis] = ()) -> Hypothesis:
-        """Something has that is none of the ``effects``: alone, beside one or looking like one of them, each as likely.
+        """Something has that is none of the ``effects``: alone, looking like one of them, or beside one.
 
         Of these the best few count; the others add nothing.  Raises ValueError without smooth errors.
         """
-        by_what: dict[str, list[float]] = {}
+        parts: dict[str, float] = {}
         alone, number = [], len(effects)
         possible = [one for one in effects if not one.why_none]
         best_few = sorted(possible, key=lambda one: -one.log_evidence)[:BEST_FEW]
         for what, covariances in self._unnamed():
-            for covariance in covariances:
-                alone.append(_likelihood(covariance, self.plain))
-                evidence = alone[-1][0]
-                # What an effect leaves is always a little louder: its form is not quite its own.
-                if best_few and what != GOES_WITH_NOTHING:
-                    with_one = [one.fitted.log_evidence(covariance) for one in best_few]
-                    evidence = _mean([evidence, float(np.logaddexp.reduce(with_one)) - math.log(number)])
-                by_what.setdefault(what, []).append(evidence)
-        smooth = math.log(2.0 / 3.0 if possible else 1.0)
-        parts = {what: _mean(each) - math.log(len(by_what)) + smooth for what, each in by_what.items()}
+            each = [_likelihood(covariance, self.plain) for covariance in covariances]
+            alone += each
+            parts[what] = _mean([one[0] for one in each])
+            # What an effect leaves is always a little louder: its form is not quite its own.
+            if best_few and what != GOES_WITH_NOTHING:
+                with_one = [[one.fitted.log_evidence(covariance) for one in best_few] for covariance in covariances]
+                beside = _mean([float(np.logaddexp.reduce(some)) for some in with_one]) - math.log(number)
+                parts[what] = float(np.logaddexp(parts[what], math.log(BESIDE) + beside))
+        parts = {what: part - math.log(UNNAMED * len(parts)) for what, part in parts.items()}
         like = {
-            " and ".join(one.names): self.of(one.fitted, LIMITS.nearly)[0] - math.log(3.0 * number) for one in best_few
+            " and ".join(one.names): self.of(one.fitted, LIMITS.nearly)[0] - math.log(UNNAMED * number)
+            for one in best_few
         }
         evidence = float(np.logaddexp.reduce([*parts.values(), *like.values()]))
         goes_with, looks_like = (
@@ -272,7 +274,7 @@ def pairs(rows: Rows, alone: Sequence[Hypothesis], jobs: int, progress: Progress
     for one in fitted(rows, [_together(*two) for two in better], jobs, progress, "pairs"):
         of_two = frozenset(one.names)
         out[of_two] = max(out.get(of_two, one), one, key=lambda two: -np.inf if two.why_none else two.log_evidence)
-    return [(LIMITS.rare / math.comb(len(alone), 2), one) for one in out.values()]
+    return [((1.0 - BESIDE) * LIMITS.rare / math.comb(len(alone), 2), one) for one in out.values()]
 
 
 def _happens_once(alone: Hypothesis) -> bool:

@@ -81,11 +81,11 @@ class Limits:
     nothing: float = parameter(0.3, "probability that nothing has happened", "1", 0.0, 1.0)
     rare: float = parameter(
         0.1,
-        "probability that something has happened that is none of the effects, and as much that two of them have; each "
-        "single one has its part of the rest",
+        "probability that something has happened that is like none of the effects, as much that it looks like one and "
+        "is not it, and as much that two things have, of which both or one has a name; single effects have the rest",
         "1",
         0.0,
-        0.5,
+        0.2,
     )
     enough: float = parameter(0.9, "probability that a set of names must have to be given", "1", 0.0, 1.0)
     names: int = parameter(3, "names that a set may have at the most: a longer list says nothing", "1", 1)

@@ -16,7 +16,7 @@ from .amounts import unexpected_percent
 from .candidates import Candidate, candidate, scales_of, untestable
 from .evidence import Evidence, errors_percent
 from .fitting import Fit, fit_of
-from .hypotheses import Hypothesis, Progress, Rows, fitted, pairs
+from .hypotheses import UNNAMED, Hypothesis, Progress, Rows, fitted, pairs
 from .limits import LIMITS
 from .probability import NO_NAMES, Probabilities, weighed
 from .witnesses import Prediction
@@ -94,7 +94,8 @@ def trace(
         weighed_before = _lacking(rows, candidates, jobs, progress)
     elif only:
         rows, (together,) = _alone(evidence, [candidates], jobs, progress)
-        weighed_before = [*_without_a_name(rows, [together]), (1.0 - LIMITS.nothing - LIMITS.rare, together)]
+        without_a_name = _without_a_name(rows, [together], LIMITS.rare)
+        weighed_before = [*without_a_name, (1.0 - LIMITS.nothing - LIMITS.rare, together)]
     else:
         rows, alone = _alone(evidence, [(c,) for c in candidates], jobs, progress)
         weighed_before = _all(rows, alone, jobs, progress)
@@ -117,11 +118,11 @@ def _field(evidence: Evidence, only: Sequence[str], without: Sequence[str]) -> t
     return [candidate(n, scales) for n in names if n not in reasons], reasons
 
 
-def _without_a_name(rows: Rows, alone: Sequence[Hypothesis]) -> list[tuple[float, Hypothesis]]:
-    """Nothing, and something else where that can be."""
+def _without_a_name(rows: Rows, alone: Sequence[Hypothesis], other: float) -> list[tuple[float, Hypothesis]]:
+    """Nothing, and something else where that can be, with its probability before the logs."""
     found = [(LIMITS.nothing, rows.nothing())]
     if rows.smooth is not None:
-        found.append((LIMITS.rare, rows.something_else(alone)))
+        found.append((other, rows.something_else(alone)))
     return found
 
 
@@ -151,8 +152,9 @@ def _alone(
 
 def _all(rows: Rows, alone: Sequence[Hypothesis], jobs: int, progress: Progress) -> list[tuple[float, Hypothesis]]:
     """Everything, each with its probability before the logs."""
-    each = (1.0 - LIMITS.nothing - 2.0 * LIMITS.rare) / max(len(alone), 1)
-    return [*_without_a_name(rows, alone), *((each, one) for one in alone), *pairs(rows, alone, jobs, progress)]
+    each = (1.0 - LIMITS.nothing - 3.0 * LIMITS.rare) / max(len(alone), 1)
+    without_a_name = _without_a_name(rows, alone, UNNAMED * LIMITS.rare)
+    return [*without_a_name, *((each, one) for one in alone), *pairs(rows, alone, jobs, progress)]
 
 
 def _lacking(

@@ -829,7 +829,7 @@ def test_before_the_logs_every_two_are_as_likely_whether_they_are_looked_at_or_n
         effects=lambda *_: alone[0],
         nothing=lambda: alone[0],
     )
-    assert {before for before, _ in pairs(rows, alone, 1, lambda what, share: None)} == {LIMITS.rare / 15}
+    assert {before for before, _ in pairs(rows, alone, 1, lambda what, share: None)} == {LIMITS.rare / 2 / 15}
 
 
 def test_what_a_model_lacks_from_its_beginning_may_be_everything_but_something_else(wire, config):
@@ -944,6 +944,19 @@ def test_what_has_only_nearly_the_form_of_an_effect_is_something_else_that_looks
     # Whether it goes with the place or looks like a lead that does is nearly the same.
     seen = 1.0 - bent_is.goes_with["nothing that was looked at"]
     assert bent_is.looks_like["lead_resistance"] + bent_is.goes_with["place"] > 0.5 * seen > 0.1
+
+
+def test_probabilities_before_the_logs_are_of_all_that_may_happen(a_lead):
+    """What has no name is likelier than two effects are, and no effect is likelier than another."""
+    before = a_lead[1].before
+    single = {p for names, p in before.items() if len(names) == 1 and names[0] in EFFECTS}
+    two = {p for names, p in before.items() if len(names) == 2}
+    assert before[SOMETHING_ELSE,] == pytest.approx(2.5 * LIMITS.rare)
+    number = sum(len(names) == 1 for names in before) - 2
+    (each,), (pair,) = single, two
+    assert before[NOTHING,] + before[SOMETHING_ELSE,] + number * each + math.comb(number, 2) * pair == pytest.approx(
+        1.0
+    )
 
 
 def test_what_looks_like_an_effect_that_makes_the_model_worse_is_nothing(a_lead):
