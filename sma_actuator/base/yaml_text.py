@@ -188,6 +188,8 @@ def parse_yaml(text: str, source: str) -> Any:
         # What is missing at the end of a text is so for libyaml in a line beyond it.
         place = f"{source}: line {min(mark.line, text.count(chr(10))) + 1}" if mark is not None else source
         words = " ".join(filter(None, (error.context, error.problem)))
+        if mark is not None and "\t" in "".join(text.splitlines()[mark.line : mark.line + 1])[: mark.column + 1]:
+            words += "; a tab stands there, where YAML wants blanks"
         raise ConfigError(f"{place}: {words if isinstance(error, _Refusal) else f'is not YAML: {words}'}") from error
     except yaml.YAMLError as error:
         raise ConfigError(f"{source}: is not YAML: {' '.join(str(error).split())}") from error

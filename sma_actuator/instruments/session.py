@@ -528,6 +528,11 @@ class Session:
 
     def _cannot_be_opened(self, error: Exception) -> InstrumentUnreachable:
         why = f"cannot be opened ({error}); is it switched on, and is the address right?"
+        if isinstance(error, pyvisa.rname.InvalidResourceName):
+            why = (
+                "cannot be opened: that is no VISA resource, as TCPIP::192.168.0.5::5025::SOCKET or "
+                "ASRL/dev/ttyUSB0::INSTR (docs/dialects.md)"
+            )
         if self._is_serial and isinstance(error, OSError):  # as pyserial's own are
             if error.errno == errno.EACCES:
                 why = (

@@ -48,6 +48,7 @@ def test_numbers_are_read_as_ros_reads_them():
         ("a: 2001-13-45", "file.yaml: line 1: a number or date that cannot be read"),
         ("? [a]\n: 1\n", "file.yaml: line 1: a list or section cannot be a name"),
         ("a: [1", "file.yaml: line 1: is not YAML"),
+        ("a:\n\tb: 1", "cannot start any token; a tab stands there, where YAML wants blanks"),
         ("a: \0", "file.yaml: is not YAML"),
         ("a: !!python/object:os.system x", "file.yaml: line 1: !!python/object:os.system is not taken"),
         ("a: 1\n---\nb: 2", "file.yaml: line 2: is not YAML"),

@@ -217,7 +217,8 @@ def test_a_hang_up_is_a_loss_not_a_crash(bench):
     (
         ({"instruments.supply.resource": "TCPIP::127.0.0.1::9::SOCKET"}, "supply at TCPIP::127.0.0.1::9::SOCKET"),
         ({"instruments.supply.resource": ""}, "instruments.supply.resource: is empty"),
-        ({"instruments.supply.resource": "nonsense"}, "cannot be opened"),
+        ({"instruments.supply.resource": "127.0.0.1:5025"}, "that is no VISA resource, as TCPIP::192.168.0.5::5025::"),
+        ({"instruments.supply.resource": "/dev/ttyUSB0"}, "that is no VISA resource, as .* ASRL/dev/ttyUSB0::INSTR"),
         ({"instruments.supply.resource": "TCPIP::127.0.0.1::99999::SOCKET"}, "cannot be opened"),
         ({"supply.watchdog_timeout": 3700.0}, "supply.watchdog_timeout"),
     ),
