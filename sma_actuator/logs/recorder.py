@@ -410,6 +410,11 @@ class BenchLogRecorder:
                 else:
                     os.ftruncate(handle, _end_of_last_line(handle))
                     self._give_name(path)
+                    _log.warning(
+                        "%s: who wrote %s was killed, crashed or lost its folder; the log goes as far as it came",
+                        self._name,
+                        path.with_suffix(""),
+                    )
                 finally:
                     os.close(handle)
 

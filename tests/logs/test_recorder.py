@@ -212,7 +212,7 @@ signal.pause()
 """
 
 
-def test_what_a_killed_process_left_is_completed_by_the_next_one(config):
+def test_what_a_killed_process_left_is_completed_and_named_by_the_next_one(config, caplog):
     config = config()
     process = subprocess.Popen(
         [sys.executable, "-c", _KILLED, json.dumps(config.to_mapping())],
@@ -224,6 +224,7 @@ def test_what_a_killed_process_left_is_completed_by_the_next_one(config):
         assert process.stdout.readline() == "ready\n"
         BenchLogRecorder(config).close()
         assert len(_files(config, "*.csv.part")) == 1, "a file whose writer lives was taken from it"
+        assert not caplog.text
     finally:
         process.send_signal(signal.SIGKILL)
         process.communicate(timeout=60.0)
@@ -232,6 +233,7 @@ def test_what_a_killed_process_left_is_completed_by_the_next_one(config):
         stream.write(b"110.0,1.5,0.")  # a line cut short
     BenchLogRecorder(config).close()
     assert not _files(config, "*.csv.part")
+    assert f"who wrote {Path(part.path).with_suffix('')} was killed, crashed or lost its folder" in caplog.text
     lengths = [len(read_bench_log(file.path)) for file in _files(config) if file.stat().st_size > 500]
     assert len(lengths) == 1
     assert lengths[0] >= 199  # the row that is being written when the kill comes may be lost
