@@ -527,25 +527,28 @@ class Session:
         )
 
     def _cannot_be_opened(self, error: Exception) -> InstrumentUnreachable:
-        why = f"cannot be opened ({error}); is it switched on, and is the address right?"
-        if isinstance(error, pyvisa.rname.InvalidResourceName):
-            why = (
-                "cannot be opened: that is no VISA resource, as TCPIP::192.168.0.5::5025::SOCKET or "
-                "ASRL/dev/ttyUSB0::INSTR (docs/dialects.md)"
-            )
-        if self._is_serial and isinstance(error, OSError):  # as pyserial's own are
-            if error.errno == errno.EACCES:
-                why = (
-                    "this user may not open it; put yourself into the group of the device, as with "
-                    "'sudo usermod -aG dialout $USER', and log in anew"
-                )
-            elif error.errno == errno.ENOENT:
-                there = ", ".join(str(path) for places in _SERIAL_PORTS for path in sorted(Path("/dev").glob(places)))
-                why = (
-                    f"there is no such port; of USB there is {there or 'none'}; what is plugged in anew may have "
-                    "another name, but for that in /dev/serial/by-id"
-                )
-        return InstrumentUnreachable(f"{self.name}: {why}")
+        return InstrumentUnreachable(f"{self.name}: {_why_not_opened(error, self._is_serial)}")
+
+
+def _why_not_opened(error: Exception, is_serial: bool) -> str:
+    """What may be so where an instrument cannot be connected to; pyserial's errors are the system's own."""
+    if isinstance(error, pyvisa.rname.InvalidResourceName):
+        return (
+            "cannot be opened: that is no VISA resource, as TCPIP::192.168.0.5::5025::SOCKET or "
+            "ASRL/dev/ttyUSB0::INSTR (docs/dialects.md)"
+        )
+    if is_serial and isinstance(error, OSError) and error.errno == errno.EACCES:
+        return (
+            "this user may not open it; put yourself into the group of the device, as with "
+            "'sudo usermod -aG dialout $USER', and log in anew"
+        )
+    if is_serial and isinstance(error, OSError) and error.errno == errno.ENOENT:
+        there = ", ".join(str(path) for places in _SERIAL_PORTS for path in sorted(Path("/dev").glob(places)))
+        return (
+            f"there is no such port; of USB there is {there or 'none'}; what is plugged in anew may have another name, "
+            "but for that in /dev/serial/by-id"
+        )
+    return f"cannot be opened ({error}); is it switched on, and is the address right?"
 
 
 def _canonical(resource: str) -> str:
