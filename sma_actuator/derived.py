@@ -24,6 +24,8 @@ from .safety.thermal import CAPACITY_WITHIN
 
 DENSITY_kg_m3 = 6450.0
 SPECIFIC_HEAT_J_kgK = {"ni-ti": 837.0, "ni-ti-cu": 500.0}
+#: Between which they were found: calorimetry has 450 to 620, the maker of Ni-Ti 837.
+SPECIFIC_HEATS_J_kgK = {"ni-ti": (450.0, 837.0), "ni-ti-cu": (450.0, 620.0)}
 #: Resistivities of such wires lie between; the higher one is hotter for the same current, the lower one cools worse.
 LEAST_RESISTIVITY_Ohm_m, LARGEST_RESISTIVITY_Ohm_m = 0.70e-6, 1.00e-6
 #: Of a wire so hot that it is austenite all through (the maker's 0.80e-6, warm).
@@ -106,25 +108,26 @@ def _settle_heat(wire: Wire, given: Any, settle: Any) -> tuple[float, float, flo
         f"volume · {DENSITY_kg_m3:g} kg/m³ · {SPECIFIC_HEAT_J_kgK[wire.alloy]:g} J/(kg K)",
     )
     transfer = still_air_W_m2K(wire.diameter)
-    still = _digits(_still_air_W_K(wire), 3)
+    still = _digits(still_air_W_K(wire), 3)
     loss = settle(
         "thermal.heat_loss",
         still,
         f"surface · {transfer:.0f} W/(m² K): still air (Morgan) and radiation, without the crimps; identify measures "
         f"it",
     )
-    # What is lost beyond that to still air may end when a fan stops.
-    beyond = f", of still air's {still:g} W/K: what it loses beyond may end" if loss > still else ""
+    # Within so much still air itself may lose it; what is lost beyond that may end when a fan stops.
+    fanned = loss > CAPACITY_WITHIN * still
+    beyond = f"; of still air's {still:g} W/K: what it loses beyond may end" if fanned else ""
     settle(
         "thermal.heat_loss_margin",
-        _digits(HALF * CAPACITY_WITHIN * max(loss / still, 1.0), 3),
+        _digits(HALF * max(loss / still, CAPACITY_WITHIN), 3),
         f"half of a heat loss that is known within a factor of {CAPACITY_WITHIN:g}: by geometry, or by identify with a "
         f"heat capacity that nobody measured{beyond}",
     )
     if given("supply.watchdog_timeout", 1.0) == 0.0:
         settle(
             "thermal.unwatched_margin",
-            _digits(CAPACITY_WITHIN * max(loss / still, 1.0), 3),
+            _digits(max(loss / still, CAPACITY_WITHIN), 3),
             "without a watchdog the current of a dead computer flows on: a wire that loses what is known, within "
             f"{CAPACITY_WITHIN:g}{beyond}, stays below max_temperature; 3: also one that is covered up then",
         )
@@ -170,7 +173,7 @@ def _settle_supply(wire: Wire, loss_W_K: float, given: Any, settle: Any) -> None
 
 def not_survived(wire: Wire, supply: SupplyParameters, thermal: ThermalParameters) -> str:
     """A sentence where more may flow for ever, while no computer looks, than the wire survives; else ""."""
-    loss_W_K = min(thermal.heat_loss, _still_air_W_K(wire))
+    loss_W_K = min(thermal.heat_loss, still_air_W_K(wire))
     hot_Ohm = wire.resistance_Ohm(HOT_RESISTIVITY_Ohm_m)
     rise_K = held_rise_K(supply.over_current_trip, hot_Ohm, loss_W_K)
     most_K = thermal.max_temperature - thermal.ambient_temperature
@@ -302,7 +305,7 @@ def still_air_W_m2K(diameter_m: float) -> float:
     return factor * rayleigh**exponent * _CONDUCTIVITY_W_mK / diameter_m + _RADIATION_W_m2K
 
 
-def _still_air_W_K(wire: Wire) -> float:
+def still_air_W_K(wire: Wire) -> float:
     """The same of a whole wire."""
     return still_air_W_m2K(wire.diameter) * wire.surface_m2
 

@@ -12,8 +12,9 @@ from scipy.optimize import minimize, minimize_scalar
 
 from sma_actuator.base.balance import Balance, gains
 from sma_actuator.base.jit import jit
+from sma_actuator.base.sections import Wire
 from sma_actuator.config import BenchConfig
-from sma_actuator.derived import LATENT, Derived, derived
+from sma_actuator.derived import LATENT, DENSITY_kg_m3, Derived, SPECIFIC_HEATS_J_kgK, derived, still_air_W_K
 from sma_actuator.estimation.branch import BranchDetector, EstimatorParameters
 from sma_actuator.estimation.models.whole_range import LATENT_K, usual_heat_balance
 from sma_actuator.logs.bench_log import BenchLog, signals_from_log
@@ -52,19 +53,16 @@ def lowest_current_A(logs: Sequence[BenchLog], bench: BenchConfig) -> float:
 def measured(experiments: Sequence[Experiment], mapping: Mapping[str, Any], bench: BenchConfig) -> dict[str, Derived]:
     """Parameters by dotted name that the logs tell, each with how."""
     out: dict[str, Derived] = {}
-    capacity_J_K = derived(mapping)["thermal.heat_capacity"]
-    by_geometry = derived({"wire": mapping["wire"]})
-    usual_s = by_geometry["thermal.heat_capacity"].value / by_geometry["thermal.heat_loss"].value
     balance = heat_balance(experiments, bench)
-    if balance is not None and not usual_s / _UNUSUAL < balance.time_constant_s < usual_s * _UNUSUAL:
+    if balance is not None and not _may_be(balance, bench.wire):
         balance = None  # the resistance showed something else than cooling
     time_constant_s = None if balance is None else balance.time_constant_s
     if balance is not None:
-        capacity = mapping.get("thermal", {}).get("heat_capacity", capacity_J_K.value)
+        seen = f"{balance.time_constant_s:.3g} s, with which the contracted wire is seen to warm and cool"
+        capacity_J_K = _heat_capacity(mapping, bench.wire, balance, seen)
         out["thermal.heat_capacity"] = capacity_J_K
         out["thermal.heat_loss"] = Derived(
-            float(f"{capacity / time_constant_s:.3g}"),
-            f"heat_capacity over {time_constant_s:.3g} s, with which the contracted wire is seen to warm and cool",
+            float(f"{capacity_J_K.value / balance.time_constant_s:.3g}"), f"heat_capacity over {seen}"
         )
         if balance.near_share > 0.0:
             why = "the contracted wire is seen to warm and cool as one whose surroundings warm up with it"
@@ -88,6 +86,40 @@ def measured(experiments: Sequence[Experiment], mapping: Mapping[str, Any], benc
     if np.isfinite(ambient_C).any():
         out["thermal.ambient_temperature"] = Derived(float(f"{np.nanmedian(ambient_C):.3g}"), "median of the logs")
     return out
+
+
+def _may_be(balance: Balance, wire: Wire) -> bool:
+    """Whether a wire may warm and cool so: with what such wires hold, and what they lose to still air or unusually."""
+    least_s, largest_s = (each / still_air_W_K(wire) for each in _heat_capacities_J_K(wire))
+    return least_s / _UNUSUAL < balance.time_constant_s < largest_s * _UNUSUAL
+
+
+def _heat_capacities_J_K(wire: Wire) -> tuple[float, float]:
+    """The least and the largest that such wires have."""
+    least, largest = (DENSITY_kg_m3 * wire.volume_m3 * each for each in SPECIFIC_HEATS_J_kgK[wire.alloy])
+    return least, largest
+
+
+def _heat_capacity(mapping: Mapping[str, Any], wire: Wire, balance: Balance, seen: str) -> Derived:
+    """Heat capacity [J/K]: the one that was given; else, of those that such wires have, the one with which it loses
+    what was given, or what geometry says.
+
+    Logs tell what a wire holds over what it loses.  What it loses to still air geometry tells within a quarter; its
+    specific heat nobody within a half.  In surroundings of its own it loses what no geometry tells.
+    """
+    given = mapping.get("thermal", {})
+    if "heat_capacity" in given:
+        return Derived(given["heat_capacity"], "given")
+    if balance.near_share > 0.0 and "heat_loss" not in given:
+        return derived(mapping)["thermal.heat_capacity"]
+    loss_W_K = given.get("heat_loss", still_air_W_K(wire))
+    capacity_J_K = float(np.clip(loss_W_K * balance.time_constant_s, *_heat_capacities_J_K(wire)))
+    least, largest = SPECIFIC_HEATS_J_kgK[wire.alloy]
+    return Derived(
+        float(f"{capacity_J_K:.3g}"),
+        f"{capacity_J_K / (DENSITY_kg_m3 * wire.volume_m3):.0f} J/(kg K): of {least:g} to {largest:g}, which such "
+        f"wires have, the one that loses what {'was given' if 'heat_loss' in given else 'geometry says'} in {seen}",
+    )
 
 
 def heat_balance(experiments: Sequence[Experiment], bench: BenchConfig) -> Balance | None:

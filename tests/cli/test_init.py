@@ -247,9 +247,9 @@ def test_all_that_the_supply_is_not_opened_without_is_asked(dialect, asked_for):
     assert {q.name.removeprefix("supply.") for q in acknowledgements if q.when(mapping)} == asked_for
 
 
-@pytest.mark.parametrize("times", [0.6, 1.0, 1.9, 30.0])
+@pytest.mark.parametrize("times", [0.6, 1.0, 1.2, 1.9, 30.0])
 def test_limits_hold_for_still_air_whatever_loss_is_measured(times):
-    """A fan may stop, and cooling may be misread: a large heat loss lets no more current flow, a small one less."""
+    """A fan may stop: a loss beyond a quarter more than usual, which still air may take, lets no more current flow."""
     wire = {"alloy": "ni-ti", "length": 0.1, "diameter": 0.1524e-3}
     still = derived({"wire": wire})
     mapping = {"wire": wire, "thermal": {"heat_loss": still["thermal.heat_loss"].value * times}}
@@ -259,22 +259,22 @@ def test_limits_hold_for_still_air_whatever_loss_is_measured(times):
         assert found[name].value == pytest.approx(still[name].value * share, rel=0.01)
         assert found[name].value <= still[name].value
     least_W_K = mapping["thermal"]["heat_loss"] / found["thermal.heat_loss_margin"].value
-    assert least_W_K == pytest.approx(still["thermal.heat_loss"].value * min(times, 1.0) / 2.5, rel=0.01)
+    assert least_W_K == pytest.approx(still["thermal.heat_loss"].value * min(times, 1.25) / 2.5, rel=0.01)
     for name, each in found.items():
         section, _, key = name.partition(".")
         mapping.setdefault(section, {}).setdefault(key, each.value)
     bench_from_mapping(mapping | {"instruments": {}})  # and such a file is taken
 
 
-@pytest.mark.parametrize("times", [0.6, 1.0, 1.9])
+@pytest.mark.parametrize("times", [0.6, 1.0, 1.2, 1.9])
 def test_without_a_watchdog_the_current_of_a_dead_computer_is_what_a_wire_in_still_air_survives(times):
-    """By what is known of its heat loss, within a quarter, however much a fan takes away now."""
+    """By what is known of its heat loss, within a quarter, however much more a fan takes away now."""
     wire = {"alloy": "ni-ti", "length": 0.1, "diameter": 0.1524e-3}
     still_W_K = derived({"wire": wire})["thermal.heat_loss"].value
     mapping = {"wire": wire, "thermal": {"heat_loss": still_W_K * times}}
     assert "thermal.unwatched_margin" not in derived(mapping)
     margin = derived({**mapping, "supply": {"watchdog_timeout": 0.0}})["thermal.unwatched_margin"].value
-    assert still_W_K * times / margin == pytest.approx(still_W_K * min(times, 1.0) / 1.25, rel=0.01)
+    assert still_W_K * times / margin == pytest.approx(still_W_K * min(times, 1.25) / 1.25, rel=0.01)
 
 
 @pytest.mark.parametrize("diameter_m", [37e-6, 50e-6])

@@ -6,11 +6,13 @@ import json
 import pytest
 from characterised import virtual_rig
 
+from sma_actuator.base.balance import Balance
+from sma_actuator.base.sections import Wire
 from sma_actuator.characterise.programs import held_currents
 from sma_actuator.cli.main import main
 from sma_actuator.config import Config, bench_from_mapping, read_parameter_file
-from sma_actuator.derived import with_derived
-from sma_actuator.identify.measured import _Contracted, heat_balance
+from sma_actuator.derived import DENSITY_kg_m3, still_air_W_K, with_derived
+from sma_actuator.identify.measured import _Contracted, _heat_capacity, _may_be, heat_balance
 from sma_actuator.logs.bench_log import BenchLog, read_bench_log, signals_from_log, write_bench_log
 from sma_actuator.logs.kinds import make_experiments
 from sma_actuator.plant.loads import Weight
@@ -186,3 +188,44 @@ def test_calibrations_may_be_given_one_by_one(flexinol, tmp_path, capsys):
     said = capsys.readouterr().out
     assert "for one load, 1.2 N" in said
     assert "model: flexinol: whole_range: 3 logs or cycles at least" in said  # the log holds two
+
+
+class TestHeatCapacity:
+    """Logs tell how quickly a wire cools; geometry what it loses, and calorimetry between what it holds."""
+
+    WIRE = Wire(alloy="ni-ti", length=0.1, diameter=0.3e-3)
+
+    def found(self, specific_heat_J_kgK, times_still_air=1.0, **thermal):
+        """Over the true one; the heat loss follows from it."""
+        held_J_K = DENSITY_kg_m3 * self.WIRE.volume_m3 * specific_heat_J_kgK
+        loss_W_K = times_still_air * still_air_W_K(self.WIRE)
+        mapping = {"wire": {"alloy": "ni-ti", "length": 0.1, "diameter": 0.3e-3}, "thermal": thermal}
+        capacity_J_K = _heat_capacity(mapping, self.WIRE, Balance(held_J_K / loss_W_K), "").value
+        return capacity_J_K / held_J_K
+
+    @pytest.mark.parametrize("specific_heat_J_kgK", [460.0, 600.0, 830.0])
+    def test_is_that_of_a_wire_in_still_air_whatever_it_is_made_of(self, specific_heat_J_kgK):
+        """With the maker's figure alone a wire that has what calorimetry gives was called 1.8 times too lossy."""
+        assert self.found(specific_heat_J_kgK) == pytest.approx(1.0, rel=0.01)
+
+    def test_errs_as_geometry_does_where_more_is_lost_than_that(self):
+        assert self.found(800.0, 1.2) == pytest.approx(1.0 / 1.2, rel=0.01)
+
+    def test_of_one_in_a_fan_s_wind_is_the_least_that_such_wires_have(self):
+        assert self.found(500.0, 2.0) == pytest.approx(450.0 / 500.0, rel=0.01)
+
+    def test_goes_with_a_heat_loss_that_was_given(self):
+        given_W_K = 1.5 * still_air_W_K(self.WIRE)
+        assert self.found(600.0, 1.5, heat_loss=given_W_K) == pytest.approx(1.0, rel=0.01)
+
+    def test_that_was_given_stays(self):
+        held_J_K = DENSITY_kg_m3 * self.WIRE.volume_m3 * 600.0
+        assert self.found(600.0, heat_capacity=2.0 * held_J_K) == pytest.approx(2.0)
+
+    @pytest.mark.parametrize("specific_heat_J_kgK, times_still_air", [(450.0, 2.4), (837.0, 0.42)])
+    def test_a_wire_that_cools_so_quickly_or_slowly_is_believed(self, specific_heat_J_kgK, times_still_air):
+        """One with 500 J/(kg K) that loses a fifth more than still air takes was not, and had the maker's figure."""
+        held_J_K = DENSITY_kg_m3 * self.WIRE.volume_m3 * specific_heat_J_kgK
+        usual_s = held_J_K / still_air_W_K(self.WIRE)
+        assert _may_be(Balance(usual_s / times_still_air), self.WIRE)
+        assert not _may_be(Balance(usual_s / times_still_air * (0.9 if times_still_air > 1.0 else 1.1)), self.WIRE)
