@@ -14,7 +14,7 @@ from .reach import (
     PATIENCE_s,
 )
 from .records import Limit
-from .thermal import CAPACITY_WITHIN, COLD_TIMES, LEAST_SLOPE_1_K, LOSING_TIMES, NOT_CONTRACTED_MARGIN, SUDDENLY
+from .thermal import CAPACITY_WITHIN, LEAST_SLOPE_1_K, LOSING_TIMES, NOT_CONTRACTED_MARGIN, SUDDENLY
 from .timing import ONE_STEP, TWO_STEPS
 
 SETPOINT_RANGE = Limit(
@@ -72,11 +72,12 @@ TEMPERATURE_DERATING = Limit(
     "the largest current that leaves the wire below thermal.max_temperature until supply.watchdog_timeout cuts it "
     "(where there is none: for ever, in a wire that loses heat_loss / unwatched_margin), by the closest of "
     "[these](guards.md#heat): its resistance (thermal.transformed_temperature at its least, and 1 K for each "
-    f"{LEAST_SLOPE_1_K:g} more; its calibration, with {CAPACITY_WITHIN:g} times the rise); heat_loss / "
+    f"{LEAST_SLOPE_1_K:g} more; how slowly it falls as it cools; its "
+    f"calibration, with {CAPACITY_WITHIN:g} times the rise); heat_loss / "
     f"heat_loss_margin ({NOT_CONTRACTED_MARGIN:g} at the most until it has contracted); {SUDDENLY:g} of what it has "
     f"shown to lose over {LOSING_TIMES:g} time constants. Above thermal.derate_temperature linearly down to "
-    f"supply.bias_current. A wire of which nothing is known gets the bias, for {COLD_TIMES:g} time constants, "
-    "heat_capacity / heat_loss times the margin, at the longest",
+    "supply.bias_current. A wire of which nothing is known gets the bias until its resistance, which would fall, or "
+    "the heat balance with that margin says that it is no hotter than thermal.transformed_temperature",
     ONE_STEP,
 )
 

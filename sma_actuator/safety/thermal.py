@@ -6,7 +6,8 @@ parameters, and with the least that the wire may have (``thermal.heat_loss_margi
 hangs in a tube loses its heat more slowly than one in the open.  What limits the current is the
 second.
 
-The wire is a thermometer beside it, which knows nothing of heat loss (:func:`hottest_C`).  What it says bounds both
+The wire is a thermometer beside it, which knows nothing of heat loss (:func:`hottest_C`), and less the more slowly it
+cools (:func:`~.cooling.cooling_C`).  What it says bounds both
 balances from above: else a limit that provides for any heat loss would not let a wire contract, and one that loses more
 than the parameters say would be held for a hot one.  A second thermometer reads the same resistance by what was
 identified of this very wire: at which temperature it has transformed so far (:class:`Transforms`).
@@ -30,6 +31,7 @@ from sma_actuator.base.jit import Floats, floats, jit
 from sma_actuator.base.lookup import row_of
 from sma_actuator.base.sections import ThermalParameters
 
+from .cooling import COOLING, begin_cooling, cooling_C
 from .transformed import share_and_heating_C
 
 #: The hottest that a wire may be is aimed at with this distance, for noise and a resistance that rises.
@@ -214,10 +216,9 @@ def begin_thermometer(state: Floats, first: int) -> None:
 
 
 #: What is remembered of the cold: what a wire showed when it last was; the most since it certainly had not contracted,
-#: ∞ where it may have; how long it has rested, in the longest time constants that it may have; whether it is let cool
-#: until it is cold; and the resistance at which it stands, and how long, in those time constants.
-_COLD_Ohm, _MOST_Ohm, _RESTED_times, _UNTIL_COLD, _STANDS_Ohm, _STANDS_times = range(6)
-SHOWN_COLD = 6
+#: ∞ where it may have; and how long it has rested, in the longest time constants that it may have.
+_COLD_Ohm, _MOST_Ohm, _RESTED_times = range(3)
+SHOWN_COLD = 3
 
 
 @jit
@@ -250,19 +251,6 @@ def keep_cold(
     else:
         most_Ohm = inf
     state[first + _MOST_Ohm] = most_Ohm
-
-
-@jit
-def _stands(state: Floats, first: int, shown_Ohm: float, times: float) -> bool:
-    """Whether what a wire shows has stood, within FALLS, for one of the longest time constants that it may have.
-
-    ``shown_Ohm``, ``times`` and ``first``: as :func:`keep_cold` has them.
-    """
-    if abs(shown_Ohm - state[first + _STANDS_Ohm]) <= FALLS * shown_Ohm:
-        state[first + _STANDS_times] += max(times, 0.0)
-    else:
-        state[first + _STANDS_Ohm], state[first + _STANDS_times] = shown_Ohm, 0.0
-    return state[first + _STANDS_times] >= 1.0
 
 
 def begin_cold(state: Floats, first: int) -> None:
@@ -363,6 +351,7 @@ def turned(state: Floats, first: int, load_N: float, dt_s: float) -> float:
 #: Where in the memory of a wire's heat both thermometers, the shown loss, the load that turns and the cold begin.
 _BY_ITSELF, _BY_ITS_OWN, _SHOWN = 0, THERMOMETER, 2 * THERMOMETER
 _TURNED, _COLD = _SHOWN + SHOWN_LOSS, _SHOWN + SHOWN_LOSS + TURNED
+_COOLING = _COLD + SHOWN_COLD
 
 
 @jit
@@ -399,6 +388,21 @@ def _heat_step(
     at_most_C = _after_C(most_C, power_W, dt_s, ambient_C, capacity_J_K, loss_W_K / margin)
     # Another wire in its place may show more contracted, but not as much as itself before.
     transforms_Ohm = max(contracted_Ohm, (1.0 - FALLS) * state[_COLD + _MOST_Ohm])
+    longest_s = capacity_J_K * margin / loss_W_K
+    at_most_C = min(
+        at_most_C,
+        cooling_C(
+            state,
+            _COOLING,
+            resistance_Ohm,
+            not _is_other(load_N, state[_BY_ITSELF + _LOAD_N]),
+            dt_s,
+            ambient_C + power_W * margin / loss_W_K,
+            longest_s,
+            LEAST_SLOPE_1_K,
+            transformed_C,
+        ),
+    )
     shown_C = hottest_C(state, _BY_ITSELF, resistance_Ohm, load_N, dt_s, at_most_C, transformed_C, transforms_Ohm)
     # Where the heat balance calls it hotter than it is known to transform at, one of them errs: the hotter counts.
     transforms_C = transforms_at_C(transforms, resistance_Ohm, stress_Pa, shift_K_Pa, then_C)
@@ -407,18 +411,11 @@ def _heat_step(
     most_C = min(at_most_C, shown_C, own_C)
     likely_C = min(likely_C, shown_C)
     shown_Ohm, rests = state[_BY_ITSELF + _SHOWN_Ohm], cools or power_W * margin <= REST_K * loss_W_K
-    times = dt_s * loss_W_K / margin / capacity_J_K
+    times = dt_s / longest_s
     measured_Ohm = shown_Ohm if isfinite(resistance_Ohm) else nan
     keep_cold(state, _COLD, measured_Ohm, times, rests, at_most_C, transformed_C)
-    not_seen_cold = shown_Ohm > contracted_Ohm and state[_COLD + _COLD_Ohm] == inf
-    # Sooner than at its limit, where what it shows stands: it may hold the balance for a minute.
-    stands = _stands(state, _COLD, shown_Ohm, times)
-    half_way_C = 0.5 * (transformed_C + max_C - HEADROOM_K)
     at_its_limit = most_C > max_C - HEADROOM_K - AT_LIMIT_K and at_most_C < shown_C
-    if not cools and (at_its_limit or (not_seen_cold and stands and most_C > half_way_C)):
-        cools = True
-        state[_COLD + _UNTIL_COLD] = not_seen_cold
-    cools = cools and (most_C >= transformed_C or (state[_COLD + _UNTIL_COLD] > 0.0 and not_seen_cold))
+    cools = (cools or at_its_limit) and most_C >= transformed_C
     shown_W_K = shown_loss_W_K(state, _SHOWN, wire_W, dt_s, most_C - coldest_C, capacity_J_K, loss_W_K)
     if turned(state, _TURNED, load_N, dt_s) > MOST_TURNS:
         shown_W_K = 0.0
@@ -437,8 +434,7 @@ class WireHeat:
 
     Where the balance has come to its limit and the resistance does not tell, a limit that stood would hold the wire
     where it is for ever.  So it is let cool (``cools``) until it certainly transforms, which takes a second or two:
-    from there on its resistance tells.  So it is at the beginning.  One that shows more than its calibration saw of it
-    contracted, and has not been seen cold, is let cool until it has, once.
+    from there on its resistance tells.  So it is at the beginning.
     """
 
     def __init__(self, parameters: ThermalParameters):
@@ -453,10 +449,11 @@ class WireHeat:
         self.guessed_K = parameters.max_temperature - parameters.ambient_temperature
         self._shown_loss_W_K = 0.0
         self._margin = parameters.heat_loss_margin  #: by which its loss may be less now
-        self._state = floats(_COLD + SHOWN_COLD)
+        self._state = floats(_COOLING + COOLING)
         begin_thermometer(self._state, _BY_ITSELF)
         begin_thermometer(self._state, _BY_ITS_OWN)
         begin_cold(self._state, _COLD)
+        begin_cooling(self._state, _COOLING)
 
     def step(
         self,
@@ -517,7 +514,7 @@ class WireHeat:
 
         None in a wire that is let cool.
         """
-        return self._power_W(inf, min(self._margin, parameters.unwatched_margin), parameters)
+        return self._power_W(inf, min(parameters.heat_loss_margin, parameters.unwatched_margin), parameters)
 
     def _power_W(self, horizon_s: float, margin: float, parameters: ThermalParameters) -> float:
         """Until the horizon, by the heat loss of the parameters / margin, or by what the wire has shown to lose.
