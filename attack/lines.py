@@ -47,6 +47,8 @@ _ENDS_THE_TALK = (
     Mischief("trickle"),
     Mischief("flood"),
 )
+#: The same; at the end of all, so that the numbers of what is kept stay.
+_ENDS_IT_TOO = (Mischief("glued"), Mischief("kept", "none"))
 #: The supply forgets what it was told, with its connection as it was: the row of the table that promises the current
 #: off.
 _FORGETS = {
@@ -117,6 +119,7 @@ ALL = (
     ("supply", _REBOOT),
     *(("daq", mischief) for mischief in _LIES),
     ("supply", _SLOW),
+    *((role, mischief) for mischief in _ENDS_IT_TOO for role in ("supply", "daq")),
 )
 
 
@@ -172,7 +175,7 @@ class Line:
         self.outputs.clear()
         began_s = time.monotonic()
         proxy.spoil(mischief)
-        if mischief in (*_ENDS_THE_TALK, _SLOW):
+        if mischief in (*_ENDS_THE_TALK, *_ENDS_IT_TOO, _SLOW):
             self._must_go_off(mischief, began_s, self._talk_ends_within_s(role, mischief))
         elif mischief in _FORGETS:
             self._driver.offer_setpoint(self._chance.choice((0.001, 0.003)))  # so that it is told something

@@ -55,6 +55,7 @@ class Proxy:
         self.mischief = HONEST
         self.spoilt = 0  #: lines
         self.heard_s: collections.deque[float] = collections.deque(maxlen=1000)  #: when the instrument heard something
+        self._said = b""  #: the last answer of the instrument, on whatever connection
         self._first = self._before = b""  #: line since the mischief began, and the one before
         self._first_s = 0.0
         self._target_port = target_port
@@ -70,7 +71,7 @@ class Proxy:
         """Behave so from now on."""
         self.spoilt = 0
         self.mischief = mischief
-        if mischief.kind in ("cut", "refuse", "reboot"):
+        if mischief.kind in ("cut", "refuse", "reboot", "kept"):
             self._hang_up()
 
     def close(self) -> None:
@@ -107,6 +108,9 @@ class Proxy:
             for each in (near, far):
                 with contextlib.suppress(OSError):  # hung up already
                     each.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            if self.mischief.kind == "kept":  # as a gateway to a serial line keeps it for the next connection
+                with contextlib.suppress(OSError):
+                    near.sendall(self._said)
             for source, sink, direction in ((near, far, "questions"), (far, near, "answers")):
                 threading.Thread(target=self._pass, args=(source, sink, direction), name="proxy", daemon=True).start()
 
@@ -116,6 +120,8 @@ class Proxy:
         with contextlib.suppress(OSError, ValueError):
             for came_s, line in iter(lines.get, _END):
                 mischief = self.mischief
+                if direction == "answers":
+                    self._said = line
                 if mischief.touches(direction):
                     self.spoilt += 1
                     self._send_spoilt(sink, line, came_s, mischief, direction)
@@ -163,6 +169,8 @@ class Proxy:
             "empty": lambda: b"\n",
             # Once: from then on every answer is that to an older question.
             "extra": lambda: line * (EXTRA_LINES if first else 1),
+            # Once: as where a serial line loses a byte, so that two answers are one.
+            "glued": lambda: line.rstrip(b"\r\n") if first else line,
             # Once: as where somebody turns a knob, or the instrument forgets by itself.
             "slip in": lambda: (mischief.words.encode() + b"\n" if first else b"") + line,
             # It answers, and does nothing of what it is told.
