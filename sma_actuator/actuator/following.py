@@ -154,7 +154,7 @@ class Following:
             seen.estimate.displacement_m,
             setpoint_m,
             at_max=seen.told_A >= ALL_THERE_IS * self.config.supply.max_current,
-            at_limit=seen.told_A >= ALL_THERE_IS * seen.limit_A,
+            at_limit=seen.told_A >= ALL_THERE_IS * seen.limit_A and not supervisor.heat.cools,
             power_W=max(0.0, seen.signals.power_W),  # of the wire alone; 0 where too little flows to measure
             load_N=seen.signals.load_N,
             heat=self._places.needed(
@@ -164,6 +164,8 @@ class Following:
                 self.config.thermal.heat_loss,
             ),
         )
+        if self._reach.held_back:
+            supervisor.let_cool()
         if self._reach.floor_m > setpoint_m:
             limits.add(SETPOINT_REACH)
             vain = no_motion.look(self._reach.tries)

@@ -33,6 +33,9 @@ WARM = 0.9
 #: So much hotter than a heating wire of this stress is where it seems to be, and no motion will come any more: five
 #: times what passages through the transformation scatter by.
 BEYOND_K = 10.0
+#: Share of the full stroke from the setpoint, and time without motion in the wire's thermal time constants, from which
+#: on a wire that the heat limit holds back is tried anew from colder.
+FAR, HELD_BACK_TIMES = 0.05, 2.0
 #: Times running that backing off may be in vain.
 TRIES = 5
 #: Share by which a load may differ from the one it was tried with, before it is tried again.
@@ -69,11 +72,14 @@ class Places:
 
 
 class Reach:
-    """Follows how the wire follows; ``floor_m`` is the shortest setpoint that makes sense now."""
+    """Follows how the wire follows; ``floor_m`` is the shortest setpoint that makes sense now.
+
+    ``held_back``: far from its setpoint it stands, with all that the limits leave, and by its calibration needs more.
+    """
 
     def __init__(self, full_stroke_m: float, balance: Balance):
         self._balance = balance
-        self._motion_m = MOTION * full_stroke_m
+        self._motion_m, self._far_m = MOTION * full_stroke_m, FAR * full_stroke_m
         self._back_off_m = BACK_OFF * full_stroke_m
         self._time_constant_s = balance.time_constant_s
         self._patience_s = max(PATIENCE_s, PATIENCE_TIMES * balance.time_constant_s)
@@ -87,6 +93,8 @@ class Reach:
         """Another setpoint, load or start: try again."""
         self.floor_m = -inf
         self.tries = 0  #: times that it has backed off without reaching what it backed off to
+        self.held_back = False
+        self._back_s = self._back_m = nan  #: since when it is, and where it was
         self._again_s = FIRST_AGAIN_TIMES * self._time_constant_s  #: how long the next end stands
         self._since_s = self._from_m = self._load_N = self._there_s = self._ended_s = self._asked_m = nan
 
@@ -118,6 +126,11 @@ class Reach:
         warm = self.tries > 0 or self._held_W > WARM * power_W
         # As near as it is wanted all the current may hold it there; that it is too much only its heat can say.
         no_use = (at_limit and ample) or (at_max and warm and position_m - aim_m > self._motion_m)
+        lacks = heat is not None and isfinite(heat.share) and not ample
+        waits = at_limit and lacks and position_m - aim_m > self._far_m
+        if not (waits and abs(position_m - self._back_m) < self._motion_m):
+            self._back_s, self._back_m = now_s, position_m
+        self.held_back = now_s - self._back_s >= HELD_BACK_TIMES * self._time_constant_s
         if not (no_use and position_m > aim_m and position_m > self._from_m - self._motion_m):
             self._since_s, self._from_m = now_s, position_m
         elif now_s - self._since_s >= self._patience_s:

@@ -120,6 +120,11 @@ class Supervisor:
         )
         self._heat_leaves_A = self._derated_A()
 
+    def let_cool(self) -> None:
+        """Try a wire anew from colder that the heat limit holds back."""
+        if self._heat_leaves_A < self.config.supply.max_current:
+            self.heat.let_cool()
+
     def inspect(self, step: Step, but: Collection[str] = ()) -> dict[Fault, str]:
         """The faults of this step and why, but for those of these names; those that latch are latched.
 

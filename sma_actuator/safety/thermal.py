@@ -361,6 +361,7 @@ def _heat_step(
     most_C: float,
     guessed_K: float,
     cools: bool,
+    until_cold: bool,
     power_W: float,
     dt_s: float,
     ambient_C: float,
@@ -415,7 +416,8 @@ def _heat_step(
     measured_Ohm = shown_Ohm if isfinite(resistance_Ohm) else nan
     keep_cold(state, _COLD, measured_Ohm, times, rests, at_most_C, transformed_C)
     at_its_limit = most_C > max_C - HEADROOM_K - AT_LIMIT_K and at_most_C < shown_C
-    cools = (cools or at_its_limit) and most_C >= transformed_C
+    not_seen_cold = until_cold and state[_COLD + _COLD_Ohm] == inf
+    cools = (cools or at_its_limit) and (most_C >= transformed_C or not_seen_cold)
     shown_W_K = shown_loss_W_K(state, _SHOWN, wire_W, dt_s, most_C - coldest_C, capacity_J_K, loss_W_K)
     if turned(state, _TURNED, load_N, dt_s) > MOST_TURNS:
         shown_W_K = 0.0
@@ -434,13 +436,15 @@ class WireHeat:
 
     Where the balance has come to its limit and the resistance does not tell, a limit that stood would hold the wire
     where it is for ever.  So it is let cool (``cools``) until it certainly transforms, which takes a second or two:
-    from there on its resistance tells.  So it is at the beginning.
+    from there on its resistance tells.  So it is at the beginning.  One of which it does not tell yet is let cool until
+    it has been seen cold (:meth:`let_cool`).
     """
 
     def __init__(self, parameters: ThermalParameters):
         self.ambient = Ambient(parameters)
         self.transforms = Transforms(Calibration(), parameters)  #: to be replaced where a calibration knows more
         self.cools = True  #: nothing is known of it yet
+        self._until_cold = False  #: and it is, until it has been seen cold
         #: The temperature with the heat loss of the parameters, and no more than its resistance says.
         self.temperature_C = parameters.max_temperature
         #: The same with the least heat loss that the wire may have.
@@ -481,6 +485,7 @@ class WireHeat:
             self.at_most_C,
             self.guessed_K,
             self.cools,
+            self._until_cold,
             power_W,
             dt_s,
             self.ambient.step(ambient_read_C, dt_s, parameters),
@@ -500,6 +505,13 @@ class WireHeat:
             parameters.max_temperature,
             _coldest_C(parameters),
         )
+
+    def let_cool(self) -> None:
+        """Try a wire anew that the limit holds back: until it has been seen cold, once; then until it transforms.
+
+        Once it has been, what it shows more than contracted says that it transforms, whatever wire it is.
+        """
+        self.cools = self._until_cold = True
 
     def power_limit_W(self, horizon_s: float, parameters: ThermalParameters) -> float:
         """Power that may flow on for ``horizon_s`` without anybody looking and leave the wire below max_temperature.

@@ -276,3 +276,41 @@ class TestPlaces:
     def test_say_nothing_without_temperatures_or_ends(self, calibration):
         for other in (Calibration(), replace(calibration, power=PowerSection())):
             assert Places(other).needed(1e-3, 1e8, 25.0, 0.01) is None
+
+
+LITTLE = {"power_W": 0.4, "at_max": False}
+
+
+class TestHeldBack:
+    """A wire that stands far from its setpoint with all that the heat limit leaves, and has not what it needs."""
+
+    def test_is_said_after_two_of_its_time_constants(self):
+        wire = Wire()
+        wire.run(2.0 * TAU_s - 0.1, **LITTLE)
+        assert not wire.reach.held_back
+        wire.run(0.2, **LITTLE)
+        assert wire.reach.held_back
+        assert wire.reach.floor_m == -math.inf, "this is no end"
+
+    @pytest.mark.parametrize(
+        "otherwise",
+        [
+            {"at_limit": False},
+            {"wanted_m": 2e-3 - 0.04 * STROKE_m},
+            {"heat": HALF_WAY._replace(there_W=0.2)},
+            {"heat": None},
+        ],
+        ids=["more may flow", "it is as near as that", "it has what it needs", "nobody knows what it needs"],
+    )
+    def test_is_not_said_of_one(self, otherwise):
+        wire = Wire()
+        for _ in range(200):
+            wire.run(STEP_s, **{**LITTLE, **otherwise})
+            assert not wire.reach.held_back
+
+    def test_nor_of_one_that_moves(self):
+        wire = Wire(position_m=3e-3)
+        for _ in range(200):
+            wire.position_m -= 1e-5
+            wire.run(STEP_s, **LITTLE)
+            assert not wire.reach.held_back

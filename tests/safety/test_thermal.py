@@ -438,6 +438,17 @@ class TestAnotherWireInThePlaceOfTheCalibratedOne:
     def test_is_let_warm_at_the_beginning_before_it_is_seen_cold(self, run):
         assert not run(5.5, 0.0, 3.0).cools
 
+    def test_that_the_limit_holds_back_is_let_cool_until_it_has_been_seen_cold_once(self, run):
+        run(5.5, 0.0, 3.0)
+        heat = run(5.8, 1.0, 2.0)
+        heat.let_cool()
+        assert run(5.5, 0.0, 6.0).cools
+        assert heat.at_most_C < 100.0
+        assert not run(5.5, 0.0, 20.0).cools
+        assert run(5.8, 1.0, 20.0).at_most_C == pytest.approx(150.0, abs=0.5), "as much as cold: it transforms"
+        heat.let_cool()
+        assert not run(5.5, 0.0, 6.0).cools
+
     def test_whose_resistance_stands_is_no_hotter_than_it_transforms_at_as_long_as_that_stands(self, run):
         """Austenite's would fall as it cools, and rise as it warms."""
         assert not run(5.5, 0.0, 1.0).cools
