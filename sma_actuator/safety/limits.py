@@ -72,7 +72,7 @@ TEMPERATURE_DERATING = Limit(
     "the largest current that leaves the wire below thermal.max_temperature until supply.watchdog_timeout cuts it "
     "(where there is none: for ever, in a wire that loses heat_loss / unwatched_margin), by the closest of "
     "[these](guards.md#heat): its resistance (thermal.transformed_temperature at its least, and 1 K for each "
-    f"{LEAST_SLOPE_1_K:g} more; how slowly it falls as it cools; its "
+    f"{LEAST_SLOPE_1_K:g} more, or two thirds of what identify saw; how slowly it falls as it cools; its "
     f"calibration, with {CAPACITY_WITHIN:g} times the rise); heat_loss / "
     f"heat_loss_margin ({NOT_CONTRACTED_MARGIN:g} at the most until it has contracted); {SUDDENLY:g} of what it has "
     f"shown to lose over {LOSING_TIMES:g} time constants. Above thermal.derate_temperature linearly down to "

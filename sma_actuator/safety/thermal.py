@@ -170,6 +170,7 @@ def hottest_C(
     at_most_C: float,
     transformed_C: float,
     contracted_Ohm: float,
+    slope_1_K: float,
 ) -> float:
     """How hot the wire can be at most [°C] by its resistance, NaN where none was measured, whatever heat it loses.
 
@@ -179,8 +180,9 @@ def hottest_C(
     by what that makes of its austenite's resistance.  Both are counted as the second.
 
     ``at_most_C``: what was known before.  Resistance that comes with another load says nothing of heat.  A wire
-    that has contracted shows no more than ``contracted_Ohm``, however hot it may be.  What is remembered begins at the
-    ``first`` of ``state`` (:func:`begin_thermometer`).
+    that has contracted shows no more than ``contracted_Ohm``, however hot it may be.  ``slope_1_K``: the least by which
+    the resistance of its austenite rises, as a share.  What is remembered begins at the ``first`` of ``state``
+    (:func:`begin_thermometer`).
     """
     gap_s = state[first + _GAP_s] + dt_s
     if not isfinite(resistance_Ohm):
@@ -200,7 +202,7 @@ def hottest_C(
     state[first + _GAP_s], state[first + _LEAST_Ohm] = 0.0, least_Ohm
     if not least_Ohm > 0.0:  # not known; or of no wire, as where the leads alone are measured
         return inf
-    return transformed_C + (shown_Ohm - least_Ohm) / (LEAST_SLOPE_1_K * least_Ohm)
+    return transformed_C + (shown_Ohm - least_Ohm) / (slope_1_K * least_Ohm)
 
 
 @jit
@@ -266,6 +268,17 @@ def most_contracted_Ohm(hot_end: HotEndSection, temperature_C: float) -> float:
     return max(hot_end.contracted_resistance) * (1.0 + MOST_SLOPE_1_K * hotter_K)
 
 
+def least_slope_1_K(hot_end: HotEndSection) -> float:
+    """The least by which the resistance of this wire's austenite rises with its temperature, as a share [1/K].
+
+    What was seen of it, less what is not known of the scale of temperature, and as much for another wire of its kind.
+    """
+    if not (hot_end.contracted_resistance and isfinite(hot_end.contracted_slope)):
+        return LEAST_SLOPE_1_K
+    slope_1_K = hot_end.contracted_slope / max(hot_end.contracted_resistance)
+    return min(max(slope_1_K / CAPACITY_WITHIN**2, LEAST_SLOPE_1_K), MOST_SLOPE_1_K)
+
+
 def returns_at_C(calibration: Calibration, parameters: ThermalParameters, stress_Pa: float) -> float:
     """The temperature at which this wire, cooling, was back at ``cooling_position``; NaN where nobody knows."""
     then_C = calibration.usual_ambient_C(parameters.ambient_temperature)
@@ -279,6 +292,7 @@ class Transforms:
         hot_end, rest, power = calibration.hot_end, calibration.rest, calibration.power
         self.then_C = calibration.usual_ambient_C(parameters.ambient_temperature)
         self.row, self.shift_K_Pa = floats(0), nan  #: nobody knows
+        self.slope_1_K = least_slope_1_K(hot_end)
         if calibration.transformation_known and hot_end.contracted_resistance and rest.cold_resistance:
             self.shift_K_Pa = power.transformation_shift[1]
             self.row = row_of(
@@ -374,6 +388,7 @@ def _heat_step(
     stress_Pa: float,
     shift_K_Pa: float,
     then_C: float,
+    slope_1_K: float,
     capacity_J_K: float,
     loss_W_K: float,
     margin: float,
@@ -400,15 +415,17 @@ def _heat_step(
             dt_s,
             ambient_C + power_W * margin / loss_W_K,
             longest_s,
-            LEAST_SLOPE_1_K,
+            slope_1_K,
             transformed_C,
         ),
     )
-    shown_C = hottest_C(state, _BY_ITSELF, resistance_Ohm, load_N, dt_s, at_most_C, transformed_C, transforms_Ohm)
+    shown_C = hottest_C(
+        state, _BY_ITSELF, resistance_Ohm, load_N, dt_s, at_most_C, transformed_C, transforms_Ohm, slope_1_K
+    )
     # Where the heat balance calls it hotter than it is known to transform at, one of them errs: the hotter counts.
     transforms_C = transforms_at_C(transforms, resistance_Ohm, stress_Pa, shift_K_Pa, then_C)
     own_C = min(transformed_C, max(transforms_C, likely_C))
-    own_C = hottest_C(state, _BY_ITS_OWN, resistance_Ohm, load_N, dt_s, at_most_C, own_C, transforms_Ohm)
+    own_C = hottest_C(state, _BY_ITS_OWN, resistance_Ohm, load_N, dt_s, at_most_C, own_C, transforms_Ohm, slope_1_K)
     most_C = min(at_most_C, shown_C, own_C)
     likely_C = min(likely_C, shown_C)
     shown_Ohm, rests = state[_BY_ITSELF + _SHOWN_Ohm], cools or power_W * margin <= REST_K * loss_W_K
@@ -498,6 +515,7 @@ class WireHeat:
             stress_Pa,
             self.transforms.shift_K_Pa,
             self.transforms.then_C,
+            self.transforms.slope_1_K,
             parameters.heat_capacity,
             parameters.heat_loss,
             parameters.heat_loss_margin,

@@ -31,6 +31,7 @@ from sma_actuator.safety.thermal import (
     derated_limit_A,
     hottest_C,
     keep_cold,
+    least_slope_1_K,
     most_contracted_Ohm,
     shown_loss_W_K,
     transforms_at_C,
@@ -210,7 +211,9 @@ class TestThermometer:
 
         def run(resistance_Ohm, at_most_C=170.0, seconds=2.0, load_N=1.0, contracted_Ohm=math.inf):
             for _ in range(round(seconds / 0.05)):
-                found_C = hottest_C(state, 0, resistance_Ohm, load_N, 0.05, at_most_C, 150.0, contracted_Ohm)
+                found_C = hottest_C(
+                    state, 0, resistance_Ohm, load_N, 0.05, at_most_C, 150.0, contracted_Ohm, LEAST_SLOPE_1_K
+                )
             return found_C
 
         return run
@@ -409,6 +412,16 @@ class TestWhatAWireShowsCold:
         assert look(5.0, rests=False, at_most_C=150.0)[1] == math.inf, "it may be hot austenite"
         assert look(4.9, rests=False, at_most_C=149.0)[1] == math.inf
         assert look(4.96, rests=False, at_most_C=149.0)[1] == 4.96
+
+
+@pytest.mark.parametrize(
+    "slope_Ohm_K, shown_1_K",
+    [(2e-3, 5e-4 / CAPACITY_WITHIN**2), (1e-4, LEAST_SLOPE_1_K), (1.0, MOST_SLOPE_1_K), (math.nan, LEAST_SLOPE_1_K)],
+    ids=["as seen, less what is not known of it", "no wire shows less", "nor more", "nobody saw it"],
+)
+def test_austenite_rises_by_what_was_seen_of_this_wire(slope_Ohm_K, shown_1_K):
+    hot_end = HotEndSection(contracted_resistance=(3.9, 4.0), contracted_slope=slope_Ohm_K)
+    assert least_slope_1_K(hot_end) == pytest.approx(shown_1_K)
 
 
 class TestAnotherWireInThePlaceOfTheCalibratedOne:
