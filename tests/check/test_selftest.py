@@ -243,6 +243,11 @@ def test_of_a_supply_that_was_never_opened_nobody_says_that_it_read_back_off():
     assert "not confirmed to be off, since the supply was not opened: unless another program" in stand.wrong[-1]
 
 
+def self_test(stand, supply):
+    """The self-test of a stand with a supply that is otherwise."""
+    return SelfTest(stand.config, supply, InProcessDaq(stand.bench, stand.config), VirtualClock(stand.bench))
+
+
 @pytest.mark.parametrize(
     ("steps_A", "is_said"), [(1e-3, False), (4e-3, False), (5e-3, True), (7.3e-3, True), (0.02, True)]
 )
@@ -252,7 +257,7 @@ def test_a_supply_that_takes_currents_in_coarse_steps_is_named_before_the_driver
     genuine = supply.set_current
     bias_A = stand.config.supply.bias_current
     supply.set_current = lambda current_A: genuine(bias_A + round((current_A - bias_A) / steps_A) * steps_A)
-    test = SelfTest(stand.config, supply, InProcessDaq(stand.bench, stand.config), VirtualClock(stand.bench))
+    test = self_test(stand, supply)
     said = [each.sentence for each in test.run() if each.part == "steps"]
     assert bool(said) == is_said and all("it takes currents in coarser steps than its dialect" in each for each in said)
 
@@ -263,8 +268,7 @@ def test_a_bias_that_the_digits_of_a_dialect_cannot_write_is_named():
     genuine, measured = supply.set_current, supply.read_back
     supply.set_current = lambda current_A: genuine(math.floor(current_A * 100.0) / 100.0)
     supply.read_back = lambda: replace(measured(), cut_off_A=0.009)
-    test = SelfTest(stand.config, supply, InProcessDaq(stand.bench, stand.config), VirtualClock(stand.bench))
-    (wrong,) = [each.sentence for each in test.run() if each.level is Level.WRONG]
+    (wrong,) = [each.sentence for each in self_test(stand, supply).run() if each.level is Level.WRONG]
     assert wrong.endswith("digits leave of supply.bias_current: choose one that they can write")
 
 
@@ -274,15 +278,14 @@ def test_a_supply_that_says_its_setting_for_what_it_measures_is_called_so():
     supply = InProcessSupply(stand.bench, stand.config)
     measured = supply.read_back
     supply.read_back = lambda: replace(measured(), voltage_V=stand.config.supply.max_voltage)
-    test = SelfTest(stand.config, supply, InProcessDaq(stand.bench, stand.config), VirtualClock(stand.bench))
-    (wrong,) = [each.sentence for each in test.run() if each.level is Level.WRONG]
+    (wrong,) = [each.sentence for each in self_test(stand, supply).run() if each.level is Level.WRONG]
     assert wrong.endswith("the supply delivers 4 V: to that it was set; does its dialect ask for what it measures?")
 
 
 def test_asked_to_end_it_ends_with_the_output_off():
     stand = Stand()
     supply = InProcessSupply(stand.bench, stand.config)
-    test = SelfTest(stand.config, supply, InProcessDaq(stand.bench, stand.config), VirtualClock(stand.bench))
+    test = self_test(stand, supply)
     found = test.run(lambda: stand.bench.supply.output_on)
     assert [each.sentence for each in found if each.level is Level.WRONG] == ["ended before its time: asked to"]
     assert not stand.bench.supply.output_on
