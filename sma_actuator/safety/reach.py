@@ -126,8 +126,7 @@ class Reach:
         warm = self.tries > 0 or self._held_W > WARM * power_W
         # As near as it is wanted all the current may hold it there; that it is too much only its heat can say.
         no_use = (at_limit and ample) or (at_max and warm and position_m - aim_m > self._motion_m)
-        lacks = heat is not None and isfinite(heat.share) and not ample
-        waits = at_limit and lacks and position_m - aim_m > self._far_m
+        waits = at_limit and ample is not None and not ample and position_m - aim_m > self._far_m
         if not (waits and abs(position_m - self._back_m) < self._motion_m):
             self._back_s, self._back_m = now_s, position_m
         self.held_back = now_s - self._back_s >= HELD_BACK_TIMES * self._time_constant_s
@@ -136,8 +135,9 @@ class Reach:
         elif now_s - self._since_s >= self._patience_s:
             self._end(now_s, position_m, wanted_m, load_N)
 
-    def _keep_heat(self, now_s: float, power_W: float, heat: Needed | None) -> bool:
-        """Keep the heat balance; whether the wire is hotter than a heating one is where it seems to be."""
+    def _keep_heat(self, now_s: float, power_W: float, heat: Needed | None) -> bool | None:
+        """Keep the heat balance; whether the wire is hotter than a heating one is where it seems to be, None where
+        nobody knows."""
         dt_s = max(now_s - self._now_s, 0.0) if isfinite(self._now_s) else 0.0
         self._now_s = now_s
         self._held_W, self._near_W, self._slow_share = _kept(
@@ -150,7 +150,7 @@ class Reach:
             heat.share if heat is not None else nan,
         )
         if heat is None or not isfinite(heat.share):
-            return False
+            return None
         # What has transformed of late took latent heat, which the balance leaves out.
         return self._held_W + heat.latent_W * (heat.share - self._slow_share) > heat.there_W + heat.beyond_W
 

@@ -6,17 +6,17 @@ parameters, and with the least that the wire may have (``thermal.heat_loss_margi
 hangs in a tube loses its heat more slowly than one in the open.  What limits the current is the
 second.
 
-The wire is a thermometer beside it, which knows nothing of heat loss (:func:`hottest_C`), and less the more slowly it
-cools (:func:`~.cooling.cooling_C`).  What it says bounds both
-balances from above: else a limit that provides for any heat loss would not let a wire contract, and one that loses more
-than the parameters say would be held for a hot one.  A second thermometer reads the same resistance by what was
-identified of this very wire: at which temperature it has transformed so far (:class:`Transforms`).
+The wire is a thermometer beside it, which knows nothing of heat loss (:func:`hottest_C`); and one whose resistance
+falls too slowly is no hot one that cools (:func:`~.cooling.cooling_C`).  What it says bounds both balances from
+above: else a limit that provides for any heat loss would not let a wire contract, and one that loses more than the
+parameters say would be held for a hot one.  A second thermometer reads the same resistance by what was identified of
+this very wire: at which temperature it has transformed so far (:class:`Transforms`).
 
 What a step makes of all this lies in rows of numbers, so that one kernel does it.
 
 Nothing is known of a wire when an actuator begins: it may come from another that was ended while
 the wire was hot.  So it starts as hot as a wire may be and cools by the balance, which takes a few
-of the wire's time constants; meanwhile it may be driven with less current.  And it may be another
+of the wire's time constants, or until its resistance is seen to stand.  And it may be another
 wire than the calibrated one: whether it has contracted its resistance tells only beside what it
 has shown cold (:func:`keep_cold`).
 """
@@ -362,7 +362,8 @@ def turned(state: Floats, first: int, load_N: float, dt_s: float) -> float:
     return turns
 
 
-#: Where in the memory of a wire's heat both thermometers, the shown loss, the load that turns and the cold begin.
+#: Where in the memory of a wire's heat both thermometers, the shown loss, the load that turns, the cold and the look at
+#: one that cools begin.
 _BY_ITSELF, _BY_ITS_OWN, _SHOWN = 0, THERMOMETER, 2 * THERMOMETER
 _TURNED, _COLD = _SHOWN + SHOWN_LOSS, _SHOWN + SHOWN_LOSS + TURNED
 _COOLING = _COLD + SHOWN_COLD
