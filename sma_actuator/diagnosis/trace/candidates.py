@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,9 +12,11 @@ from sma_actuator.estimation.effects import EFFECTS, Effect
 from sma_actuator.estimation.effects.free import Free, Scales
 
 from .evidence import Evidence
+from .following import followed
 from .witnesses.spring import LOADS_DIFFER
 
-FEELS_STRESS = 1e-3  #: of full stroke: what a tenth less load must move the model by
+FEELS_STRESS = 1e-3  #: of full stroke: what a load that is so much less must move the model by …
+LIGHTER = 1.1  #: … times
 PARTIAL = 0.85  #: of the largest cycle's stroke, below which a cycle is partial …
 PARTIAL_SHARE = 0.05  #: … and the share of such cycles from which the logs count as having them
 
@@ -83,7 +85,11 @@ def _ambient_change_K(known_C: np.ndarray, calibrated_C: float) -> float:
 
 def _model_feels_stress(evidence: Evidence) -> bool:
     """Whether a load that is shown wrong would show."""
-    moved_m = [np.mean(np.abs(a - b)) for a, b in zip(evidence.shown_m(), evidence.shown_m(1.1), strict=True)]
+    chain, logs = evidence.chain({}), evidence.logs
+    given = [signals for signals, _ in logs.seen]
+    lighter = [replace(s, load_N=s.load_N / LIGHTER, stress_Pa=s.stress_Pa / LIGHTER) for s in given]
+    as_it_is, if_lighter = ([p.shown_m for p in followed(chain, each, logs.begins)] for each in (given, lighter))
+    moved_m = [np.mean(np.abs(a - b)[kept]) for a, b, (_, kept) in zip(as_it_is, if_lighter, logs.seen, strict=True)]
     return bool(max(moved_m) > FEELS_STRESS * evidence.full_stroke_m)
 
 

@@ -23,10 +23,10 @@ from sma_actuator.estimation.effects import Effect, Effects
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.errors import BenchLogError
 
-from .following import FollowedAnew, Where
+from .following import FollowedAnew, Where, followed
 from .limits import LIMITS
 from .prepared import Prepared
-from .witnesses import WITNESSES, Power, Prediction, Residual, Rests, Springs, Witness
+from .witnesses import WITNESSES, Power, Prediction, Residual, Rests, Springs, Witness, limited
 
 #: Error above which a model is not of this wire, or the bench is another: half the stroke.
 HOPELESS_percent = 50.0
@@ -54,8 +54,12 @@ class Evidence:
         self.full_stroke_m = config.wire.full_stroke_m
         self._followed = Remembered()
         self.logs = Prepared(logs, self.config, lambda: self.chain({}), readings)
-        self.unit, self.units = self.logs.units(self.independent_s)
-        self.of_displacement = self._residual(config)
+        self.unit, self.units = self.logs.units(self._independent_s)
+        self.of_displacement = Residual(self.logs, self.unit, config, self.calibration, self.place, self.chain({}))
+        if beyond_floor:
+            self.of_displacement.take_typical(self.predict({}))
+        else:
+            self.of_displacement.take_floor(self.followed_by(self.chain({})))
         self.of_rests = Rests(self.logs, self.unit, config, self.calibration)
         self.of_springs = Springs(self.logs, self.unit, self.full_stroke_m)
         self.of_power = Power(self.logs, self.unit, config, self.calibration)
@@ -67,21 +71,6 @@ class Evidence:
                 "it is not of this wire, or circuit, load_cell or reference_sensor are those of another bench"
             )
 
-    def _residual(self, config: Config) -> Residual:
-        """The witness of the displacement, with its floor."""
-        found = Residual(self.logs, self.unit, config, self.calibration, self.place, self.chain({}))
-        self.of_displacement = found
-        if self.beyond_floor:
-            found.take_typical(self.predict({}))
-        else:
-            found.take_floor(*self._where({}))
-        return found
-
-    def _where(self, effects: Mapping[str, Effect]) -> tuple[list[Judged], list[np.ndarray | slice]]:
-        """What a chain with some effects makes of every log, and which samples of it count."""
-        judgements, kept = zip(*self._judgements(self.chain(effects)), strict=True)
-        return list(judgements), list(kept)
-
     def seldom_and_anywhere(self) -> Evidence:
         """The same logs in as many readings as it takes to look for effects, with one floor wherever the wire was."""
         out = Evidence(*self._given, readings=SOUGHT_IN_READINGS)
@@ -90,58 +79,46 @@ class Evidence:
 
     def held_where(self, effects: Mapping[str, Effect]) -> Evidence:
         """The same logs, with the floor of where the wire was if these effects have happened."""
-        out = self._with_its_own_floor()
-        out.of_displacement.take_floor(*self._where(effects))
-        return out
-
-    def _with_its_own_floor(self) -> Evidence:
-        """A copy that may take another."""
         out = copy.copy(self)
         out.of_displacement = copy.copy(self.of_displacement)
+        out.of_displacement.take_floor(self.followed_by(self.chain(effects)))
         return out
 
     def _rows(self) -> None:
-        """Which unit each row of the residual belongs to, and its weight."""
+        """Which unit and which witness each row of the residual belongs to, and its weight."""
         samples = self.of_displacement.row_units
         per_unit = np.maximum(np.bincount(samples, minlength=self.units), 1)
         #: Samples of every unit that say something new, shape (units,).
-        self.independent = np.minimum(self._independent(), per_unit)
+        self.independent = np.minimum(self.independent_in(self.logs.lasts_s(self.unit, self.units)), per_unit)
         self.sample_weight = np.sqrt(self.independent / per_unit)[samples]
         self.unit_of_row = np.concatenate((samples, *(witness.row_units for witness in self._others)))
         self.rows_of_samples = len(samples)
-        # Of each row after those of the samples, into WITNESSES.
-        self._witness = np.concatenate([w.row_names + WITNESSES.index(w.names[0]) for w in self._others])
+        of_others = [w.row_names + WITNESSES.index(w.names[0]) for w in self._others]
+        #: Number of the witness of every row, into WITNESSES; -1 of the residual's.
+        self.witness_of_row = np.concatenate((np.full(len(samples), -1), *of_others))
 
     @property
     def _others(self) -> tuple[Witness, ...]:
         """The witnesses beside the displacement, in the order of their rows."""
         return self.of_rests, self.of_springs, self.of_power
 
-    def _independent(self) -> np.ndarray:
-        if not self.independent_s > 0.0:
-            return np.full(self.units, LIMITS.independent)
-        lasts_s = np.zeros(self.units)
-        for experiment, unit in zip(self.logs.experiments, self.unit, strict=True):
-            step_s = np.diff(experiment.signals.time_s, prepend=experiment.signals.time_s[0])
-            lasts_s += np.bincount(unit, step_s, minlength=self.units)
-        return np.maximum(lasts_s / self.independent_s, 1.0)
-
     @property
-    def independent_s(self) -> float:
+    def _independent_s(self) -> float:
         """How far apart two samples are whose errors are independent, as the calibration has it; 0 where it is not
         known."""
         known = self.calibration.expectation.independent_time
         return known if math.isfinite(known) else 0.0
 
+    def independent_in(self, lasts_s: np.ndarray | float) -> np.ndarray:
+        """How many samples say something new within stretches that last so long, at least one."""
+        if not self._independent_s > 0.0:
+            return np.full(np.shape(lasts_s), LIMITS.independent)
+        return np.maximum(lasts_s / self._independent_s, 1.0)
+
     @property
     def readings(self) -> float:
         """As how many readings without a common error the logs count: a session as so many at the most."""
         return min(float(self.independent.sum()), LIMITS.readings * sum(self.logs.begins))
-
-    @property
-    def changed_percent(self) -> float:
-        """How far the wire's hot end moved while it was calibrated, % of full stroke."""
-        return self.calibration.training.changed / self.full_stroke_m * 100
 
     def predict(self, effects: Mapping[str, Effect]) -> list[Prediction]:
         """Every log through the chain with ``effects`` beside those that the model has."""
@@ -152,13 +129,13 @@ class Evidence:
         return FollowedAnew(self.config, {**self.base, **effects}, self._followed)
 
     def through(self, chain: Chain) -> list[Prediction]:
-        """Every log through a chain.  Between two logs of a session nobody saw the wire: only its position is
-        forgotten."""
+        """Every log through a chain."""
         out = []
         # What other surroundings do is unexpected, until they are what is held against it.
         ambient_counts = any(effect.ALLOWS_FOR_AMBIENT for effect in chain.effects)
-        for i, ((p, kept), rows) in enumerate(zip(self._judgements(chain), self.logs.compared, strict=True)):
-            here = np.arange(len(p.time_s))[kept][rows]
+        for i, (p, (_, kept), here) in enumerate(
+            zip(self.followed_by(chain), self.logs.seen, self.logs.compared_seen, strict=True)
+        ):
             expected_m = self.of_displacement.expected_m(i, p, here, ambient_counts)
             where = Where(chain, self.place, p, expected_m)
             shown_beside_m = where.shown_beside_the_model_m()
@@ -179,21 +156,9 @@ class Evidence:
             )
         return out
 
-    def shown_m(self, lighter: float = 1.0) -> list[np.ndarray]:
-        """What the reference sensor should show of every log by the model as it is, if the load were so many times
-        less."""
-        chain, out = self.chain({}), []
-        for (signals, kept), begins in zip(self.logs.seen, self.logs.begins, strict=True):
-            chain.begin_session() if begins else chain.reset()
-            load_N, stress_Pa = signals.load_N / lighter, signals.stress_Pa / lighter
-            out.append(chain.judge(dataclasses.replace(signals, load_N=load_N, stress_Pa=stress_Pa)).shown_m[kept])
-        return out
-
-    def _judgements(self, chain: Chain) -> Iterator[tuple[Judged, np.ndarray | slice]]:
-        """What a chain makes of every log, and which samples of it count."""
-        for (signals, kept), begins in zip(self.logs.seen, self.logs.begins, strict=True):
-            chain.begin_session() if begins else chain.reset()
-            yield chain.judge(signals), kept
+    def followed_by(self, chain: Chain) -> Iterator[Judged]:
+        """What a chain makes of every log."""
+        return followed(chain, [signals for signals, _ in self.logs.seen], self.logs.begins)
 
     def residual(self, effects: Mapping[str, Effect]) -> np.ndarray:
         """Rows to be made small by a fit of ``effects`` (see :meth:`rows`)."""
@@ -222,16 +187,10 @@ class Evidence:
         """Loss of every unit, shape (units,)."""
         return 0.5 * np.bincount(self.unit_of_row, rows**2, minlength=self.units)
 
-    @property
-    def witness_of_row(self) -> np.ndarray:
-        """Number of the witness of every row, into WITNESSES; -1 of the residual's."""
-        return np.concatenate((np.full(self.rows_of_samples, -1), self._witness))
-
     def rows_by_witness(self) -> dict[str, np.ndarray]:
         """Which rows each witness has (bool): the residual first, then those of WITNESSES of which there is
         something."""
-        of_row = self.witness_of_row
-        named = {"residual": of_row == -1} | {name: of_row == k for k, name in enumerate(WITNESSES)}
+        named = {name: self.witness_of_row == k for k, name in enumerate((*Residual.names, *WITNESSES), -1)}
         return {name: rows for name, rows in named.items() if rows.any()}
 
     def witnesses(self, rows: np.ndarray, units: np.ndarray) -> dict[str, float]:
@@ -239,8 +198,8 @@ class Evidence:
 
         Without those of which there is nothing.
         """
-        chosen = units[self.unit_of_row[self.rows_of_samples :]]
-        witness, off = self._witness[chosen], rows[self.rows_of_samples :][chosen]
+        chosen = units[self.unit_of_row] & (self.witness_of_row >= 0)
+        witness, off = self.witness_of_row[chosen], rows[chosen]
         number = np.bincount(witness, minlength=len(WITNESSES))
         squares = np.bincount(witness, off**2, minlength=len(WITNESSES))
         return {name: math.sqrt(s / n) for name, s, n in zip(WITNESSES, squares, number, strict=True) if n}
@@ -255,15 +214,3 @@ def errors_percent(evidence: Evidence, predictions: Sequence[Prediction]) -> np.
     number = np.bincount(unit[good], minlength=evidence.units)
     sums_m = np.bincount(unit[good], error_m[good], minlength=evidence.units)
     return sums_m / np.maximum(number, 1) / evidence.full_stroke_m * 100
-
-
-def limited(z: np.ndarray) -> np.ndarray:
-    """``z`` with Huber's loss as half its square; what is not finite counts as the largest that counts."""
-    most = LIMITS.largest
-    z = np.clip(np.nan_to_num(z, nan=most, posinf=most, neginf=-most), -most, most)
-    size = np.abs(z)
-    return np.where(
-        size <= LIMITS.linear_from,
-        z,
-        np.sign(z) * np.sqrt(np.maximum(LIMITS.linear_from * (2.0 * size - LIMITS.linear_from), 0.0)),
-    )

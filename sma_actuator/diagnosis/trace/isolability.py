@@ -27,7 +27,6 @@ from .candidates import Candidate, candidate, scales_of, untestable
 from .evidence import Evidence
 from .experiments import after_the_session, experiments, shown_m
 from .hypotheses import Rows
-from .limits import LIMITS
 from .sensitivity import built, probes, shapes, sizes
 
 SURE = math.log(9.0)  #: nats between two names from which one has 90 %
@@ -146,8 +145,7 @@ def _there(rows: Rows, effects: dict[str, Effect], tried: Sequence[tuple[str, An
     out = []
     for _, signals in tried:
         duration_s, n = float(np.ptp(signals.time_s)), len(signals.time_s)
-        new = duration_s / evidence.independent_s if evidence.independent_s > 0.0 else LIMITS.independent
-        weight = math.sqrt(rows.share * min(max(new, 1.0), n) / n)
+        weight = math.sqrt(rows.share * min(float(evidence.independent_in(duration_s)), n) / n)
         out.append(shown_m(evidence, chain, signals) / sigma_m * weight)
     return out
 

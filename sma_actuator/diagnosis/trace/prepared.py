@@ -67,6 +67,11 @@ class Prepared:
         every = max(1, math.ceil(sum(map(len, self.measured_m)) / MOST_COMPARED))
         #: Samples of every log that a residual is made of: neighbours say the same.
         self.compared = [np.arange(every // 2, len(m), every) for m in self.measured_m]
+        #: The same among all that the chain is given.
+        self.compared_seen = [
+            np.arange(len(signals.time_s))[kept][rows]
+            for (signals, kept), rows in zip(self.seen, self.compared, strict=True)
+        ]
 
     def _thin(self, thin: int) -> None:
         rests = [
@@ -94,6 +99,14 @@ class Prepared:
         block = np.minimum(np.arange(total) * FEWEST_UNITS // total, FEWEST_UNITS - 1)
         bounds = np.cumsum([0, *(len(t.log) for t in self.experiments)])
         return [block[a:b] for a, b in itertools.pairwise(bounds)], FEWEST_UNITS
+
+    def lasts_s(self, unit: Sequence[np.ndarray], units: int) -> np.ndarray:
+        """How long each unit lasts, shape (units,), by the number of every sample's (:meth:`units`)."""
+        out_s = np.zeros(units)
+        for experiment, of_sample in zip(self.experiments, unit, strict=True):
+            time_s = experiment.signals.time_s
+            out_s += np.bincount(of_sample, np.diff(time_s, prepend=time_s[0]), minlength=units)
+        return out_s
 
     @property
     def start_s(self) -> float:

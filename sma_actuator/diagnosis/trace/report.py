@@ -44,7 +44,7 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
     goes_with, looks_like = _something_else(tracing)
     out: dict[str, Any] = {
         "verdict": tracing.verdict,
-        "sentence": sentence(tracing, left.depends, alternatives) + _trained_first(evidence.changed_percent),
+        "sentence": sentence(tracing, left.depends, alternatives) + _trained_first(evidence),
         "effects": _effects(tracing),
         "alternatives": alternatives,
         "names": tracing.names,
@@ -156,11 +156,12 @@ def _words(what: str) -> str:
     return " and ".join(words).replace("place", "the place of the wire")
 
 
-def _trained_first(changed_percent: float) -> str:
-    if not changed_percent:
+def _trained_first(evidence: Evidence) -> str:
+    changed = evidence.calibration.training.changed / evidence.full_stroke_m
+    if not changed:
         return ""
     return (
-        f" The wire changed while it was calibrated: its hot end moved by {changed_percent:.1f} % of full stroke, and "
+        f" The wire changed while it was calibrated: its hot end moved by {changed * 100:.1f} % of full stroke, and "
         "what the model lacks of these logs may be no more than that. Train it first (characterise does, with "
         "--training-cycles), and identify it again."
     )

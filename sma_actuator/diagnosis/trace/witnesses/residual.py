@@ -4,7 +4,7 @@ history."""
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -55,11 +55,10 @@ class Residual:
         self.row_units = np.concatenate([each[rows] for each, rows in zip(unit, logs.compared, strict=True)])
         self.row_names = np.zeros(len(self.row_units), dtype=int)
 
-    def take_floor(self, judgements: Sequence[Judged], kept: Sequence[np.ndarray | slice]) -> None:
+    def take_floor(self, judgements: Iterable[Judged]) -> None:
         """Mean absolute size of what is left beside what is expected [m], of every sample compared."""
         self.floor_m = []
-        for i, (p, here_kept, rows) in enumerate(zip(judgements, kept, self.logs.compared, strict=True)):
-            here = np.arange(len(p.time_s))[here_kept][rows]
+        for i, (p, here) in enumerate(zip(judgements, self.logs.compared_seen, strict=True)):
             floor_m = self._floor_m(i, p, here)
             self.floor_m.append(np.hypot(floor_m, SINCE_THEN_WITHIN * self._changed_m(p)[here]))
 

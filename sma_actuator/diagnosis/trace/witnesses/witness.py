@@ -8,6 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
+from sma_actuator.diagnosis.trace.limits import LIMITS
+
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
@@ -42,3 +44,15 @@ class Witness(Protocol):
     def late(self, predictions: Sequence[Prediction]) -> np.ndarray:
         """How much further off each row is where the load is read one reading later, shape (n,); as a rule nothing."""
         return np.zeros(len(self.row_units))
+
+
+def limited(z: np.ndarray) -> np.ndarray:
+    """``z`` with Huber's loss as half its square; what is not finite counts as the largest that counts."""
+    most = LIMITS.largest
+    z = np.clip(np.nan_to_num(z, nan=most, posinf=most, neginf=-most), -most, most)
+    size = np.abs(z)
+    return np.where(
+        size <= LIMITS.linear_from,
+        z,
+        np.sign(z) * np.sqrt(np.maximum(LIMITS.linear_from * (2.0 * size - LIMITS.linear_from), 0.0)),
+    )
