@@ -154,7 +154,7 @@ def _pieces(inside: bool) -> dict[str, dict[str, float]]:
             (supervisor, "keep_heat", "heat of the wire"),
             (supervisor, "inspect", "guards"),
             (following, "find_the_ends", "ends of the way"),
-            (following, "step", "setpoint and law"),
+            (following, "wanted", "setpoint and law"),
             (supervisor, "limit_A", "limit of the current"),
             (supervisor, "gate", "gate"),
             (actuator, "_output", "status and output"),

@@ -50,7 +50,7 @@ class Actuator:
         self._said = Said()
         self._offered = Offered(config, self._commanding, self._said)
         self._measured = Measured()
-        self._tuner = Tuner()
+        self._tuner = Tuner(self._said.changed)
         self._following = Following(
             config, config.controller.build(config), self._chain, self._commanding, self._supervisor, self._tuner
         )
@@ -69,7 +69,7 @@ class Actuator:
             if self._commanding.is_driven:
                 self._said.changed("disabled")
             self._commanding.switch_off()
-            self._end_tuning("the output was switched off")
+            self._tuner.end("the output was switched off")
             return True, "the output is off"
         if self._commanding.is_driven and not self.latched:
             return True, "the output is on already"
@@ -222,7 +222,7 @@ class Actuator:
         if config.controller != self._config.controller:
             if self._tuner.running is not None:
                 self._commanding.stop()
-                self._end_tuning("the parameters of the controller were changed")
+                self._tuner.end("the parameters of the controller were changed")
             self._following.set_gains(config.controller)
         self._said.changed(*changes)
         self._config = config
@@ -286,14 +286,17 @@ class Actuator:
         self._limit_A = supervisor.limit_A()
         self._following.find_the_ends(longer_m)
         limits: set[Limit] = set()
-        setpoint_m, wanted_A = self._wanted(now_s, settled, faults, reading is not None and not late, limits)
+        seen = Seen(now_s, self._now_s, self._signals, self._estimate, self._told.current_A, self._limit_A)
+        setpoint_m, wanted_A = self._following.wanted(
+            seen, settled, estimate_invalid not in faults, reading is not None and not late, limits
+        )
         if back := supervisor.let_go(now_s, reading, supply):
             self._said.changed(f"passed {back}")
         command, bent = supervisor.gate(wanted_A, driven, faults, late)
         limits |= bent
         if supervisor.latched is not None:
             self._commanding.switch_off()
-            self._end_tuning(f"fault {supervisor.latched.name}: {supervisor.detail}")
+            self._tuner.end(f"fault {supervisor.latched.name}: {supervisor.detail}")
         self._told = command
         self._said.show_events(now_s, faults, self._commanding.lost)
         return self._output(faults, limits, setpoint_m, raw)
@@ -309,32 +312,6 @@ class Actuator:
         self._supervisor.keep_heat(
             self._measured.power_W, signals.current_A, dt_s, signals.ambient_temperature_C, shown_Ohm, signals.load_N
         )
-
-    def _wanted(
-        self, now_s: float, settled: bool, faults: dict[Fault, str], is_new: bool, limits: set[Limit]
-    ) -> tuple[float, float]:
-        """Setpoint [m], NaN where there is none, and current asked for [A]; adds to ``limits`` those that are met.
-
-        ``is_new``: whether there is a reading that the law may learn of.
-        """
-        supervisor = self._supervisor
-        setpoint_m = nan
-        wanted_A = self._config.supply.bias_current
-        if settled and supervisor.latched is None:
-            self._commanding.advance(now_s)
-            self._following.lose_setpoint(now_s)
-        if self._tuner.running is not None and not self._commanding.is_tuned:
-            self._end_tuning("something else was wanted of the wire")
-        if settled and supervisor.latched is None and estimate_invalid not in faults:
-            seen = Seen(now_s, self._now_s, self._signals, self._estimate, self._told.current_A, self._limit_A)
-            if self._commanding.anew:
-                self._following.begin(seen)
-            if self._commanding.wants_position:
-                setpoint_m, wanted_A = self._following.step(seen, is_new, limits)
-        if self._tuner.running is not None and self._tuner.running.ended:
-            self._commanding.stop()
-            self._end_tuning("")
-        return setpoint_m, wanted_A
 
     def _output(
         self, faults: dict[Fault, str], limits: set[Limit], setpoint_m: float, reading: Reading | None
@@ -393,10 +370,7 @@ class Actuator:
     def _latch(self, fault: Fault, detail: str) -> None:
         self._supervisor.latch(fault, detail)
         self._commanding.switch_off()
-        self._end_tuning(f"fault {fault.name}: {detail}")
-
-    def _end_tuning(self, why: str) -> None:
-        self._said.changed(self._tuner.end(why))
+        self._tuner.end(f"fault {fault.name}: {detail}")
 
     def _is_fresh(self, now_s: float) -> bool:
         """Whether the last usable reading is no older than readings may be."""

@@ -94,7 +94,30 @@ class Following:
         rise_K, ambient_C = supervisor.most_rise_K(), supervisor.heat.ambient.temperature_C
         self.short_m, self.long_m = self._ends.range_m(rise_K, ambient_C, longer_m)
 
-    def begin(self, seen: Seen) -> None:
+    def wanted(self, seen: Seen, settled: bool, known: bool, is_new: bool, limits: set[Limit]) -> tuple[float, float]:
+        """Setpoint [m], NaN where there is none, and current asked for [A]; adds to ``limits`` those that are met.
+
+        ``settled``: whether readings belong to the current; ``known``: whether the estimate is good enough to go by;
+        ``is_new``: whether there is a reading that the law may learn of.
+        """
+        commanding, tuner = self._commanding, self._tuner
+        setpoint_m, wanted_A = nan, self.config.supply.bias_current
+        if settled and self._supervisor.latched is None:
+            commanding.advance(seen.now_s)
+            self._lose_setpoint(seen.now_s)
+        if tuner.running is not None and not commanding.is_tuned:
+            tuner.end("something else was wanted of the wire")
+        if settled and known and self._supervisor.latched is None:
+            if commanding.anew:
+                self._begin(seen)
+            if commanding.wants_position:
+                setpoint_m, wanted_A = self._step(seen, is_new, limits)
+        if tuner.running is not None and tuner.running.ended:
+            commanding.stop()
+            tuner.end("")
+        return setpoint_m, wanted_A
+
+    def _begin(self, seen: Seen) -> None:
         """Let the law go on from the present position and current."""
         self._reach.forget()
         self._controlled_s = seen.time_s
@@ -105,15 +128,12 @@ class Following:
         resting_A = self._tuner.take_resting_A()
         self._asked(self.controller.reset, position_m, current_A if isnan(resting_A) else min(current_A, resting_A))
 
-    def step(self, seen: Seen, is_new: bool, limits: set[Limit]) -> tuple[float, float]:
-        """Setpoint [m] and current asked for [A]; without a new estimate, the current asked for last.
-
-        Adds to ``limits`` those that are met.
-        """
+    def _step(self, seen: Seen, is_new: bool, limits: set[Limit]) -> tuple[float, float]:
+        """The same where there is a position to reach; without a new estimate, the current asked for last."""
         setpoint_m = self._setpoint_m(seen, limits)
         return setpoint_m, self._current_A(seen, setpoint_m, is_new, limits)
 
-    def lose_setpoint(self, now_s: float) -> None:
+    def _lose_setpoint(self, now_s: float) -> None:
         """What the parameters say when no setpoint has come for too long."""
         if self._commanding.mode is not Mode.TRACKING:
             return

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import nan
 
 from sma_actuator.base.signals import Estimate, Quality, Tuned
@@ -16,7 +17,9 @@ from sma_actuator.safety.supervisor import Supervisor
 class Tuner:
     """The tuning that runs, if one does, and what is left of the last."""
 
-    def __init__(self) -> None:
+    def __init__(self, tell: Callable[[str], None]) -> None:
+        """``tell`` is told what became of each."""
+        self._tell = tell
         self.running: Tuning | None = None
         self._last = "not run"  #: what became of the last
         self._found: Tuned | None = None  #: what one has found that no output has told yet
@@ -66,14 +69,14 @@ class Tuner:
         self.running = Tuning(controller, gains, surroundings, told_A)
         return f"the gains are tuned, with up to {surroundings.bound_A:.4g} A; any setpoint, or off, ends it"
 
-    def end(self, why: str) -> str:
-        """The gains of before are the law's again; what became of it, "" where none ran.
+    def end(self, why: str) -> None:
+        """The gains of before are the law's again, where one ran.
 
         ``why`` counts where it has not ended by itself.
         """
         tuning, self.running = self.running, None
         if tuning is None:
-            return ""
+            return
         tuning.end(why)
         self._resting_A = tuning.resting_A
         if tuning.found is not None:
@@ -81,7 +84,7 @@ class Tuner:
             self._last = f"done: {words_of(tuning.found.gains)}"
         else:
             self._last = f"given up: {tuning.given_up}"
-        return f"tuning {self._last}"
+        self._tell(f"tuning {self._last}")
 
     def take_found(self) -> Tuned | None:
         """What one has found, once."""
