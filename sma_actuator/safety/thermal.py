@@ -402,24 +402,14 @@ def _heat_step(
     guessed_K *= exp(-max(dt_s, 0.0) * loss_W_K / capacity_J_K)
     if state[_BY_ITSELF + _SHOWN_Ohm] > just_contracted_Ohm:
         margin = min(margin, NOT_CONTRACTED_MARGIN)
-    at_most_C = _after_C(most_C, power_W, dt_s, ambient_C, capacity_J_K, loss_W_K / margin)
+    longest_s = capacity_J_K * margin / loss_W_K
+    settled_C, same_load = ambient_C + power_W * margin / loss_W_K, not _is_other(load_N, state[_BY_ITSELF + _LOAD_N])
+    falls_C = cooling_C(
+        state, _COOLING, resistance_Ohm, same_load, dt_s, settled_C, longest_s, slope_1_K, transformed_C
+    )
+    at_most_C = min(_after_C(most_C, power_W, dt_s, ambient_C, capacity_J_K, loss_W_K / margin), falls_C)
     # Another wire in its place may show more contracted, but not as much as itself before.
     transforms_Ohm = max(contracted_Ohm, (1.0 - FALLS) * state[_COLD + _MOST_Ohm])
-    longest_s = capacity_J_K * margin / loss_W_K
-    at_most_C = min(
-        at_most_C,
-        cooling_C(
-            state,
-            _COOLING,
-            resistance_Ohm,
-            not _is_other(load_N, state[_BY_ITSELF + _LOAD_N]),
-            dt_s,
-            ambient_C + power_W * margin / loss_W_K,
-            longest_s,
-            slope_1_K,
-            transformed_C,
-        ),
-    )
     shown_C = hottest_C(
         state, _BY_ITSELF, resistance_Ohm, load_N, dt_s, at_most_C, transformed_C, transforms_Ohm, slope_1_K
     )
@@ -439,14 +429,7 @@ def _heat_step(
     shown_W_K = shown_loss_W_K(state, _SHOWN, wire_W, dt_s, most_C - coldest_C, capacity_J_K, loss_W_K)
     if turned(state, _TURNED, load_N, dt_s) > MOST_TURNS:
         shown_W_K = 0.0
-    return (
-        likely_C,
-        most_C,
-        guessed_K,
-        cools,
-        SUDDENLY * shown_W_K,
-        margin,
-    )
+    return likely_C, most_C, guessed_K, cools, SUDDENLY * shown_W_K, margin
 
 
 class WireHeat:

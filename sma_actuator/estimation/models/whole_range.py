@@ -356,6 +356,30 @@ def _estimate(heating: bool, n: Numbers, out: np.ndarray) -> None:
 
 
 @jit
+def _of_other_loads(
+    resistance: float, stress: float, rests_cold: bool, first: bool, oriented: Floats, usual: Floats, n: Numbers
+) -> float:
+    """What of the resistance is of martensite that formed under another load [Ω], which a cold wire at rest tells."""
+    if rests_cold and (first or orientation.told(oriented)):
+        orientation.tell(resistance, stress, usual, n.ends, n.martensite, oriented)
+    if first and not orientation.told(oriented):
+        return 0.0
+    return n.martensite[orientation.OHM_PER_m] * orientation.longer_m(stress, n.ends, n.martensite, oriented)
+
+
+@jit
+def _add_other_loads(share: float, stress: float, first: bool, oriented: Floats, n: Numbers, out: np.ndarray) -> None:
+    """How much longer that makes the wire, and how sure that is, into ``out``."""
+    if first and not orientation.told(oriented):
+        orientation.begin(share, 0.0, 0.0, stress, n.ends, oriented)
+    orientation.follow(share, stress, n.ends, n.martensite, oriented)
+    out[3] = orientation.longer_m(stress, n.ends, n.martensite, oriented)
+    out[0] += out[3]
+    by_chance_m, either_way_m = orientation.unsure_m(stress, n.ends, n.martensite, oriented)
+    out[1] = hypot(out[1], by_chance_m) + either_way_m
+
+
+@jit
 def advance(
     time: float,
     power: float,
@@ -380,12 +404,8 @@ def advance(
     if remembers:
         rise = heat_rise(rested, n.thermal) if first else _temperature(n.thermal, state) - ambient
         warms = heat_rise(power, n.thermal) - rise  # more than at rest: then its resistance is its heat's too
-        if rise < orientation.COLD_K and abs(warms) < orientation.RESTS_K and (first or orientation.told(oriented)):
-            orientation.tell(resistance, stress, usual, n.ends, n.martensite, oriented)
-        if not first or orientation.told(oriented):
-            resistance -= n.martensite[orientation.OHM_PER_m] * orientation.longer_m(
-                stress, n.ends, n.martensite, oriented
-            )
+        rests_cold = rise < orientation.COLD_K and abs(warms) < orientation.RESTS_K
+        resistance -= _of_other_loads(resistance, stress, rests_cold, first, oriented, usual, n)
     resistance = _at_usual_load(resistance, stress, n.resistances)
     share = 1.0
     # At rest, in the place that agrees with the temperature that is made of it; once in the text, as it is compiled
@@ -417,13 +437,7 @@ def advance(
         share = share_of_stroke(out[0], stress, n.ends)
     state[_SHARE] = share
     if remembers:
-        if first and not orientation.told(oriented):
-            orientation.begin(state[_SHARE], 0.0, 0.0, stress, n.ends, oriented)
-        orientation.follow(state[_SHARE], stress, n.ends, n.martensite, oriented)
-        out[3] = orientation.longer_m(stress, n.ends, n.martensite, oriented)
-        out[0] += out[3]
-        by_chance_m, either_way_m = orientation.unsure_m(stress, n.ends, n.martensite, oriented)
-        out[1] = hypot(out[1], by_chance_m) + either_way_m
+        _add_other_loads(share, stress, first, oriented, n, out)
 
 
 @jit
