@@ -13,6 +13,7 @@ out, without being right by as much: their spread counts half the way between th
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from sma_actuator.identify.fitters.fitting import at_bound
 from sma_actuator.identify.verdict.unseen import Unseen
 from sma_actuator.logs.experiments import Experiment
 
+from .cold_wire import ColdWire
 from .data import FOLDS, Data
 from .heat_balance import LEAST, MOST, NAMES, heat_balance
 from .judged import (
@@ -109,11 +111,6 @@ def _coefficients(
     physical = np.clip(terms_of(z[data.learned])[:, :CURVE_TERMS] @ curve, lowest - slack, highest + slack)
     learned = z[data.learned]
     value, spread = team.values(learned)
-    whitening = whitening_of(learned)
-    novelty = np.linalg.norm(learned @ whitening.T, axis=1)
-    seen = learned * scaling[1] + scaling[0]
-    low, high = seen.min(axis=0), seen.max(axis=0)
-    tenth = 0.1 * (high - low)
     floor = float(np.median(left.spread))
     score = np.abs(left.error) / (floor + left.spread)
     heating = data.heating[data.rows].astype(bool)
@@ -135,19 +132,13 @@ def _coefficients(
         cold_end=_six(data.ends[1] * percent_m),
         hot_resistance=_six(data.ends_Ohm[0]),
         cold_resistance=_six(data.ends_Ohm[1]),
-        cold_wire=_six(np.array(data.cold_wire.resistance)) if data.cold_wire else (),
-        other_loads=_six(np.array(data.cold_wire.other_loads)) if data.cold_wire else (),
-        cold_wire_stress=_six(np.array(data.cold_wire.stress_Pa)) if data.cold_wire else (),
-        cold_wire_resistance=_six(np.array(data.cold_wire.resistance_Ohm)) if data.cold_wire else (),
+        **(_of_cold_wire(data.cold_wire) if data.cold_wire else {}),
         ambient_temperature=float(f"{np.median(data.ambient):.4g}"),
         play_widths_K=PLAYS_K,
         play_widths_Ohm=_six(data.plays_Ohm),
         feature_centre=_six(scaling[0]),
         feature_scale=_six(scaling[1]),
-        feature_low=_six(low - tenth),
-        feature_high=_six(high + tenth),
-        novelty=_six(whitening[np.tril_indices(len(whitening))]),
-        novelty_edge=float(f"{1.3 * np.quantile(novelty, 0.999):.4g}"),
+        **_where_learned(learned, scaling),
         curve=_six(curve * percent_m),
         learners=LEARNERS,
         linear=_six(linear * percent_m),
@@ -162,6 +153,31 @@ def _coefficients(
         displacement_range=_six(np.array([lowest, highest]) * percent_m),
         stroke=_six(np.array([lowest, highest]) * percent_m),
     )
+
+
+def _where_learned(learned: np.ndarray, scaling: tuple[np.ndarray, np.ndarray]) -> dict[str, Any]:
+    """Between which features, and how far from those it was learned on what is seen is new."""
+    seen = learned * scaling[1] + scaling[0]
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    tenth = 0.1 * (high - low)
+    whitening = whitening_of(learned)
+    novelty = np.linalg.norm(learned @ whitening.T, axis=1)
+    return {
+        "feature_low": _six(low - tenth),
+        "feature_high": _six(high + tenth),
+        "novelty": _six(whitening[np.tril_indices(len(whitening))]),
+        "novelty_edge": float(f"{1.3 * np.quantile(novelty, 0.999):.4g}"),
+    }
+
+
+def _of_cold_wire(cold: ColdWire) -> dict[str, Any]:
+    """Of a wire whose logs show what another load left in it."""
+    return {
+        "cold_wire": _six(np.array(cold.resistance)),
+        "other_loads": _six(np.array(cold.other_loads)),
+        "cold_wire_stress": _six(np.array(cold.stress_Pa)),
+        "cold_wire_resistance": _six(np.array(cold.resistance_Ohm)),
+    }
 
 
 def _six(values: np.ndarray) -> tuple[float, ...]:

@@ -77,17 +77,13 @@ class Data:
         step_s = min(SHORTEST_STEP_s, SHORTEST_STEP * config.thermal.balance.time_constant_s)
         # An error counts as it is up to ROBUST.
         earlier = of_earlier_load(experiments, config.thermal.balance.time_constant_s, ROBUST * self.percent_m)
-        parts = [
+        own = [
             _thinned(t, others, config.thermal.ambient_temperature, step_s)
             for t, others in zip(experiments, earlier, strict=True)
         ]
         loads = distinct_stresses(experiments)
-        rng = np.random.default_rng(0)
-        for error_K in (LEARNED_ERROR_K, JUDGED_ERROR_K):
-            parts += [_with_other_surroundings(p, error_K, rng) for p in parts[: len(experiments)]]
-        if loads == 1:
-            parts[len(experiments) :] = [_with_another_load(p, rng) for p in parts[len(experiments) :]]
-        copies = len(parts) // len(experiments)
+        parts = [*own, *_copies(own, loads == 1)]
+        copies = len(parts) // len(own)
         every = _Samples(*(np.concatenate(column) for column in zip(*parts, strict=True)))
         self.time, self.power, self.ambient = every.time_s, every.power_W, every.ambient_C
         self.resistance, self.stress = every.resistance_Ohm, every.stress_Pa
@@ -111,14 +107,13 @@ class Data:
         powers = self.stress[:, None] ** np.arange(3)
         hot, cold = powers @ self.ends[0], powers @ self.ends[1]
         self.share = np.clip((self.displacement - hot) / (cold - hot), 0.0, 1.0)
-        # of a few long logs a third of the cycles is held out in turn, one beside the other
-        if len(experiments) < FOLDS:
-            thirds = [_thirds(p.cycle) for p in parts[: len(experiments)]]
-            self.log_fold = np.concatenate(thirds * copies)
-        else:
-            self.log_fold = np.repeat(np.tile(_log_folds(experiments), copies), lengths)
-        self.load_fold = np.repeat(np.tile(_load_folds(experiments), copies), lengths)
-        self.cycle = self.cycle + np.repeat(np.tile(np.arange(len(experiments)), copies), lengths)
+        of_log = np.repeat(np.tile(np.arange(len(experiments)), copies), lengths)
+        thirds = [_thirds(p.cycle) for p in own]
+        # Of a few long logs a third of the cycles is held out in turn, one beside the other.
+        few = len(experiments) < FOLDS
+        self.log_fold = np.concatenate(thirds * copies) if few else _log_folds(experiments)[of_log]
+        self.load_fold = _load_folds(experiments)[of_log]
+        self.cycle = self.cycle + of_log
         stride = max(1, -(-len(self.time) // MOST_ROWS))
         rows = np.arange(0, len(self.time), stride)
         self.rows = rows[~every.earlier[rows]]
@@ -242,6 +237,13 @@ def _alike(ends_Ohm: np.ndarray, stress_Pa: tuple[float, float]) -> bool:
     the stroke do not show it."""
     lightest_Ohm, heaviest_Ohm = np.polynomial.polynomial.polyval(np.array(stress_Pa), ends_Ohm[1] - ends_Ohm[0])
     return bool(min(lightest_Ohm, heaviest_Ohm) > LEAST_SPAN * max(lightest_Ohm, heaviest_Ohm))
+
+
+def _copies(parts: Sequence[_Samples], one_load: bool) -> list[_Samples]:
+    """The same logs with what the heat balance may have wrong: those that are learned, then those that judge."""
+    rng = np.random.default_rng(0)
+    out = [_with_other_surroundings(p, error_K, rng) for error_K in (LEARNED_ERROR_K, JUDGED_ERROR_K) for p in parts]
+    return [_with_another_load(p, rng) for p in out] if one_load else out
 
 
 def _with_other_surroundings(part: _Samples, error_K: float, rng: np.random.Generator) -> _Samples:
