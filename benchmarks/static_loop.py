@@ -27,7 +27,8 @@ from sma_actuator.identify import identify
 from sma_actuator.logs.experiments import make_experiment
 from sma_actuator.logs.mapping import column_map
 from sma_actuator.logs.static import ROUNDS, PERIOD_s, log_of_points
-from sma_actuator.logs.tables import Table, read_text
+from sma_actuator.logs.tables import Table
+from sma_actuator.logs.text import read_text
 
 RECORD = Path(__file__).resolve().parents[2] / "shared" / "data" / "static_loop" / "static_loop.csv"
 WIRE = {"alloy": "ni-ti", "length": 0.42, "diameter": 0.381e-3}

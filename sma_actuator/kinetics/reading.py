@@ -12,7 +12,8 @@ from sma_actuator.base.content import content_of
 from sma_actuator.base.errors import UserError
 from sma_actuator.logs.mapping import ColumnMap
 from sma_actuator.logs.sense import MOST_STROKE
-from sma_actuator.logs.tables import SMALL_B, read_text
+from sma_actuator.logs.text import read_text
+from sma_actuator.logs.unpacking import SMALL_B
 
 COLUMNS = ("temperature_C", "strain", "stress_Pa")
 HOTTEST_C, MOST_STRESS_Pa = 300.0, 1.5e9  #: what no wire does: above 200 °C there is no loop to see, and 1 GPa tears it

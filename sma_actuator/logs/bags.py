@@ -19,7 +19,8 @@ from sma_actuator.base.parameters import ConfigError
 from .bench_log import COLUMNS, BenchLog, log_of
 from .errors import BenchLogError
 from .recorder import RECORDED_COLUMNS
-from .tables import Table, refuse_larger, unpacking
+from .tables import Table
+from .unpacking import refuse_larger, unpacking
 
 #: Bytes at a message's end that are tried as meaningless, in turn; up to 3 more are none of the reader's concern.
 _SPARE_B = (0, 4, 8)

@@ -28,7 +28,8 @@ from sma_actuator.estimation.circuit import CircuitSections, signals_from_readin
 
 from .errors import BenchLogError
 from .files import write_atomically
-from .tables import EVENT_COLUMN, Table, read_text
+from .tables import EVENT_COLUMN, Table
+from .text import read_text
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,13 +1,17 @@
-"""What a field of other people's tables says: a number with any marks, a reading that is missing, a date, a clock; and
-where in a file the table begins."""
+"""What the fields of other people's tables say: a number with any marks, a reading that is missing, a date, a clock;
+where in a file the table begins; and the numbers of whole columns."""
 
 from __future__ import annotations
 
 import datetime
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
+import numpy as np
+
+from .errors import BenchLogError
+from .tables import EVENT_COLUMN
 from .units import is_unit
 
 Moment = datetime.datetime | datetime.time
@@ -173,3 +177,85 @@ def trimmed(fields: Sequence[str]) -> list[str]:
     """The fields without those that are empty at the end: many programs end each row with a separator."""
     width = max((i + 1 for i, text in enumerate(fields) if text.strip()), default=0)
     return list(fields[:width])
+
+
+class Columns:
+    """What the columns of a table hold, by its first row, and their numbers, block by block."""
+
+    def __init__(self, names: Sequence[str], usual_mark: str):
+        """``usual_mark``: before decimals, where the numbers do not tell."""
+        self.names, self._usual_mark = names, usual_mark
+        self.events: dict[int, str] = {}  #: row → text of the column ``event``
+        self.left_out: dict[str, str] = {}  #: columns of text, with the first
+        self.moments: dict[str, Moment] = {}  #: columns of dates or times of day, with the first
+        self.missing: dict[str, None] = {}  #: words that stood for a reading
+        self.mark = ""  #: before decimals
+        self._last_s: dict[str, float] = {}  #: of the moments
+        self._known = False  #: whether the kinds of the columns are
+
+    def of(self, rows: Sequence[Sequence[str]], first: int, place: Callable[[int], str]) -> np.ndarray:
+        """The numbers of some rows, shape (rows, columns).
+
+        ``first``: number of the first row; ``place`` says of a row of these where it stands.  Raises BenchLogError.
+        """
+        out = np.full((len(rows), len(self.names)), np.nan)
+        if not rows:
+            return out
+        if not self._known:
+            self._find_kinds(rows[0])
+        numbers = []
+        for j, name in enumerate(self.names):
+            column = [fields[j] for fields in rows]
+            if name == EVENT_COLUMN:
+                self.events.update({first + i: text for i, text in enumerate(column) if text})
+            elif name in self.moments:
+                out[:, j] = [self._seconds(text, name, i, place) for i, text in enumerate(column)]
+            elif name not in self.left_out:
+                numbers.append((j, name, column))
+        if any("," in text for _, _, column in numbers for text in column):
+            told = (text for _, _, column in numbers for text in column if is_number(text))
+            try:
+                self.mark = decimal_mark(told, self.mark) or self._usual_mark
+            except ValueError as error:
+                raise BenchLogError(f"{place(0)} or after it: {error}; one of them is wanted") from None
+        for j, name, column in numbers:
+            out[:, j] = self._numbers(column, name, place)
+        return out
+
+    def _find_kinds(self, fields: Sequence[str]) -> None:
+        """What the columns hold, by the first row."""
+        self._known = True
+        for name, text in zip(self.names, fields, strict=True):
+            if name == EVENT_COLUMN or is_number(text) or is_missing(text):
+                continue
+            first = moment(text)
+            if first is None:
+                self.left_out[name] = text
+            else:
+                self.moments[name] = first
+
+    def _numbers(self, column: list[str], name: str, place: Callable[[int], str]) -> np.ndarray:
+        if self.mark != "," and not any("_" in text for text in column):
+            try:
+                return np.array(column, dtype=float)
+            except ValueError:
+                pass
+        out = np.empty(len(column))
+        for i, text in enumerate(column):
+            try:
+                out[i] = number(text, self.mark or ".")
+            except ValueError:
+                raise BenchLogError(f"{place(i)}, column {name}: '{text.strip()}' is not a number") from None
+            if np.isnan(out[i]) and text.strip().lower() not in ("", "nan"):
+                self.missing[text.strip()] = None
+        return out
+
+    def _seconds(self, text: str, name: str, i: int, place: Callable[[int], str]) -> float:
+        now = moment(text)
+        try:
+            if now is None:
+                raise TypeError
+            self._last_s[name] = seconds_between(self.moments[name], self._last_s.get(name, 0.0), now)
+        except TypeError:
+            raise BenchLogError(f"{place(i)}, column {name}: '{text.strip()}' is not a date like the first") from None
+        return self._last_s[name]

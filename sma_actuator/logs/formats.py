@@ -20,17 +20,9 @@ from sma_actuator.base.parameters import ConfigError
 
 from .errors import BenchLogError
 from .fields import decimal_mark, find_table, is_number, number, seconds_between, trimmed
-from .tables import (
-    CHUNK_BYTES,
-    EVENT_COLUMN,
-    SEARCHED_LINES,
-    Progress,
-    Table,
-    holds_text,
-    read_text,
-    refuse_larger,
-    unpacking,
-)
+from .tables import EVENT_COLUMN, Progress, Table, holds_text
+from .text import CHUNK_BYTES, SEARCHED_LINES, read_text
+from .unpacking import refuse_larger, unpacking
 
 #: What a cell of a sheet takes until it is a number of a column, a Python object and a place in a row; a row takes as
 #: much as four.

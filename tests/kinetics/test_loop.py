@@ -14,7 +14,7 @@ from sma_actuator.cli.main import main
 from sma_actuator.kinetics.fitting import FAMILIES, both, fit, guess
 from sma_actuator.kinetics.reading import read_loop
 from sma_actuator.kinetics.temperatures import slopes_Pa_K, temperatures
-from sma_actuator.logs.tables import SMALL_B
+from sma_actuator.logs.unpacking import SMALL_B
 from sma_actuator.plant.kinetics import LiangRogers, Logistic, Measured, follow
 from sma_actuator.plant.measured import FLEXINOL_381UM
 

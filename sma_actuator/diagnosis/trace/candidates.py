@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sma_actuator.base.signals import Signals
 from sma_actuator.config import Config
 from sma_actuator.estimation.effects import EFFECTS, Effect
 from sma_actuator.estimation.effects.free import Free, Scales
 
 from .evidence import Evidence
-from .following import followed
 from .witnesses.spring import LOADS_DIFFER
 
 FEELS_STRESS = 1e-3  #: of full stroke: what a load that is so much less must move the model by …
@@ -85,10 +85,13 @@ def _ambient_change_K(known_C: np.ndarray, calibrated_C: float) -> float:
 
 def _model_feels_stress(evidence: Evidence) -> bool:
     """Whether a load that is shown wrong would show."""
-    chain, logs = evidence.chain({}), evidence.logs
-    given = [signals for signals, _ in logs.seen]
-    lighter = [replace(s, load_N=s.load_N / LIGHTER, stress_Pa=s.stress_Pa / LIGHTER) for s in given]
-    as_it_is, if_lighter = ([p.shown_m for p in followed(chain, each, logs.begins)] for each in (given, lighter))
+
+    def lighter(s: Signals) -> Signals:
+        return replace(s, load_N=s.load_N / LIGHTER, stress_Pa=s.stress_Pa / LIGHTER)
+
+    logs, chain = evidence.logs, evidence.chain({})
+    as_it_is = [p.shown_m for p in logs.followed_by(chain)]
+    if_lighter = [p.shown_m for p in logs.followed_by(chain, lighter)]
     moved_m = [np.mean(np.abs(a - b)[kept]) for a, b, (_, kept) in zip(as_it_is, if_lighter, logs.seen, strict=True)]
     return bool(max(moved_m) > FEELS_STRESS * evidence.full_stroke_m)
 

@@ -11,19 +11,19 @@ from __future__ import annotations
 import copy
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from sma_actuator.base.calibration import Calibration
 from sma_actuator.base.remembered import Remembered
 from sma_actuator.config import Config
-from sma_actuator.estimation.chain import Chain, Judged, place_of
+from sma_actuator.estimation.chain import Chain, place_of
 from sma_actuator.estimation.effects import Effect, Effects
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.errors import BenchLogError
 
-from .following import FollowedAnew, Where, followed
+from .following import FollowedAnew, Where
 from .limits import LIMITS
 from .prepared import Prepared
 from .witnesses import WITNESSES, Power, Prediction, Residual, Rests, Springs, Witness, limited
@@ -59,7 +59,7 @@ class Evidence:
         if beyond_floor:
             self.of_displacement.take_typical(self.predict({}))
         else:
-            self.of_displacement.take_floor(self.followed_by(self.chain({})))
+            self.of_displacement.take_floor(self.chain({}))
         self.of_rests = Rests(self.logs, self.unit, config, self.calibration)
         self.of_springs = Springs(self.logs, self.unit, self.full_stroke_m)
         self.of_power = Power(self.logs, self.unit, config, self.calibration)
@@ -81,7 +81,7 @@ class Evidence:
         """The same logs, with the floor of where the wire was if these effects have happened."""
         out = copy.copy(self)
         out.of_displacement = copy.copy(self.of_displacement)
-        out.of_displacement.take_floor(self.followed_by(self.chain(effects)))
+        out.of_displacement.take_floor(self.chain(effects))
         return out
 
     def _rows(self) -> None:
@@ -134,7 +134,7 @@ class Evidence:
         # What other surroundings do is unexpected, until they are what is held against it.
         ambient_counts = any(effect.ALLOWS_FOR_AMBIENT for effect in chain.effects)
         for i, (p, (_, kept), here) in enumerate(
-            zip(self.followed_by(chain), self.logs.seen, self.logs.compared_seen, strict=True)
+            zip(self.logs.followed_by(chain), self.logs.seen, self.logs.compared_seen, strict=True)
         ):
             expected_m = self.of_displacement.expected_m(i, p, here, ambient_counts)
             where = Where(chain, self.place, p, expected_m)
@@ -155,10 +155,6 @@ class Evidence:
                 )
             )
         return out
-
-    def followed_by(self, chain: Chain) -> Iterator[Judged]:
-        """What a chain makes of every log."""
-        return followed(chain, [signals for signals, _ in self.logs.seen], self.logs.begins)
 
     def residual(self, effects: Mapping[str, Effect]) -> np.ndarray:
         """Rows to be made small by a fit of ``effects`` (see :meth:`rows`)."""

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from sma_actuator.base.remembered import Remembered
-from sma_actuator.base.signals import Signals
 from sma_actuator.config import Config
 from sma_actuator.estimation.chain import Chain, Judged
 from sma_actuator.estimation.effects import Effect
@@ -86,16 +85,6 @@ def smooth(values: np.ndarray, period_s: float) -> np.ndarray:
     """Running mean over SMOOTHED_s of n values that are so far apart."""
     n = max(1, round(SMOOTHED_s / period_s))
     return np.convolve(np.pad(values, (n // 2, n - 1 - n // 2), mode="edge"), np.full(n, 1.0 / n), mode="valid")
-
-
-def followed(chain: Chain, logs: Sequence[Signals], begins: Sequence[bool]) -> Iterator[Judged]:
-    """What a chain makes of logs, one after the other; ``begins``: of each, whether a session begins with it.
-
-    Between two logs of a session nobody saw the wire: only its position is forgotten.
-    """
-    for signals, a_session in zip(logs, begins, strict=True):
-        chain.begin_session() if a_session else chain.reset()
-        yield chain.judge(signals)
 
 
 class FollowedAnew(Chain):

@@ -5,14 +5,14 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
 from sma_actuator.base.signals import Quality, Signals
 from sma_actuator.calibration.rest import Rest, find_rests
 from sma_actuator.config import Config
-from sma_actuator.estimation.chain import Chain
+from sma_actuator.estimation.chain import Chain, Judged
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.cycles import cycle_numbers
 from sma_actuator.logs.errors import BenchLogError
@@ -99,6 +99,15 @@ class Prepared:
         block = np.minimum(np.arange(total) * FEWEST_UNITS // total, FEWEST_UNITS - 1)
         bounds = np.cumsum([0, *(len(t.log) for t in self.experiments)])
         return [block[a:b] for a, b in itertools.pairwise(bounds)], FEWEST_UNITS
+
+    def followed_by(self, chain: Chain, given: Callable[[Signals], Signals] = lambda s: s) -> Iterator[Judged]:
+        """What a chain makes of every log, or of what is ``given`` it in its place.
+
+        Between two logs of a session nobody saw the wire: only its position is forgotten.
+        """
+        for (signals, _), begins in zip(self.seen, self.begins, strict=True):
+            chain.begin_session() if begins else chain.reset()
+            yield chain.judge(given(signals))
 
     def lasts_s(self, unit: Sequence[np.ndarray], units: int) -> np.ndarray:
         """How long each unit lasts, shape (units,), by the number of every sample's (:meth:`units`)."""

@@ -484,7 +484,7 @@ def test_what_follows_the_wire_follows_it_and_not_the_model(clean, monkeypatch, 
 
     monkeypatch.setattr(clean.of_displacement, "expectation", KnownError)
     followed_m = []
-    for found, (_, kept) in zip(clean.followed_by(clean.chain({})), clean.logs.seen, strict=True):
+    for found, (_, kept) in zip(clean.logs.followed_by(clean.chain({})), clean.logs.seen, strict=True):
         frame = Frame.of(found.signals, float(found.signals.time_s[0]))
         true_m = 0.9 * found.model_m
         # Between wire and load there is no noise of the resistance, which tells the model where the wire is.
@@ -504,7 +504,7 @@ def test_what_follows_the_wire_follows_it_and_not_the_model(clean, monkeypatch, 
 def test_a_wire_at_rest_leaves_the_play_as_it_is(clean):
     """Where the wire is, the resistance tells; its noise does not take the play up."""
     chain = clean.chain({"backlash": EFFECTS["backlash"](width=1e-4)})
-    for found in clean.followed_by(chain):
+    for found in clean.logs.followed_by(chain):
         quiet = dataclasses.replace(found, model_m=smooth(found.model_m, _period_s(found)))
         of_wire_m, of_model_m = (
             Where(chain, clean.place, f, np.zeros(len(f.model_m))).beyond_the_load_m() for f in (quiet, found)

@@ -4,7 +4,7 @@ history."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -55,10 +55,11 @@ class Residual:
         self.row_units = np.concatenate([each[rows] for each, rows in zip(unit, logs.compared, strict=True)])
         self.row_names = np.zeros(len(self.row_units), dtype=int)
 
-    def take_floor(self, judgements: Iterable[Judged]) -> None:
-        """Mean absolute size of what is left beside what is expected [m], of every sample compared."""
+    def take_floor(self, chain: Chain) -> None:
+        """Mean absolute size of what is left beside what is expected [m], of every sample compared, where the wire was
+        by a chain."""
         self.floor_m = []
-        for i, (p, here) in enumerate(zip(judgements, self.logs.compared_seen, strict=True)):
+        for i, (p, here) in enumerate(zip(self.logs.followed_by(chain), self.logs.compared_seen, strict=True)):
             floor_m = self._floor_m(i, p, here)
             self.floor_m.append(np.hypot(floor_m, SINCE_THEN_WITHIN * self._changed_m(p)[here]))
 
