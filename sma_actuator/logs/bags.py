@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import re
-import sqlite3
-import struct
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -20,14 +17,10 @@ from .bench_log import COLUMNS, BenchLog, log_of
 from .errors import BenchLogError
 from .recorder import RECORDED_COLUMNS
 from .tables import Table
-from .unpacking import refuse_larger, unpacking
+from .unpacking import look_at_recording, unpacking
 
 #: Bytes at a message's end that are tried as meaningless, in turn; up to 3 more are none of the reader's concern.
 _SPARE_B = (0, 4, 8)
-
-_SQLITE = b"SQLite format 3\0"  #: how a database begins
-#: Of MCAP: how a file begins, kind and length of a record, the kind of a chunk, and where that says how large it is.
-_MCAP, _RECORD, _CHUNK, _CHUNK_SIZE = b"\x89MCAP0\r\n", struct.Struct("<BQ"), 6, struct.Struct("<QQQ")
 
 
 def is_bag(path: Path) -> bool:
@@ -54,7 +47,7 @@ def log_from_bag(path: str | Path, topics: Mapping[str, str]) -> BenchLog:
     folder = path.parent if path.suffix == ".db3" else path
     try:
         for each in sorted(folder.iterdir()) if folder.is_dir() else [folder]:
-            _look_at(each)
+            look_at_recording(each)
         with unpacking(path), AnyReader([folder], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
             if not topics:
                 return _log_of_signals(reader, path)
@@ -79,46 +72,6 @@ def log_from_bag(path: str | Path, topics: Mapping[str, str]) -> BenchLog:
         period_s = np.median(np.diff(stamped[:, 0])) if len(stamped) > 1 else 0.0
         columns[column][(time_s < stamped[0, 0] - period_s) | (time_s > stamped[-1, 0] + period_s)] = np.nan
     return BenchLog(columns, {"recording": path.name}, str(path))
-
-
-def _look_at(path: Path) -> None:
-    """Refuse a file of a recording that is none, or takes too much as it says itself."""
-    if path.exists() and not (path.is_file() or path.is_dir()):  # a pipe would be awaited
-        raise BenchLogError(f"{path}: is no file; a recording is wanted")
-    if path.suffix == ".mcap":
-        refuse_larger(path, _largest_chunk_B(path))
-    elif path.is_file():
-        with path.open("rb") as file:
-            is_database = file.read(len(_SQLITE)) == _SQLITE
-        if is_database:
-            _look_at_database(path)
-
-
-def _look_at_database(path: Path) -> None:
-    """Refuse one whose messages are computed when they are read: a few words stand for any number of bytes."""
-    with contextlib.closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as database:
-        computed = database.execute(
-            "SELECT s.name, c.name FROM sqlite_schema s, pragma_table_xinfo(s.name) c WHERE c.hidden > 1"
-        ).fetchone()
-    if computed:
-        raise BenchLogError(
-            f"{path}: column '{computed[1]}' of its table '{computed[0]}' is computed; what was recorded is wanted"
-        )
-
-
-def _largest_chunk_B(path: Path) -> int:
-    """What the largest chunk of an MCAP file takes where it is unpacked, which is one at a time."""
-    largest_B = 0
-    with path.open("rb") as file:
-        end = file.seek(0, os.SEEK_END)
-        file.seek(len(_MCAP))
-        while len(record := file.read(_RECORD.size)) == _RECORD.size:
-            kind, length_B = _RECORD.unpack(record)
-            begin = file.tell()
-            if kind == _CHUNK and length_B >= _CHUNK_SIZE.size:
-                largest_B = max(largest_B, _CHUNK_SIZE.unpack(file.read(_CHUNK_SIZE.size))[2])
-            file.seek(min(begin + length_B, end))
-    return largest_B
 
 
 def _series(

@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import datetime
 import math
-import mmap
 import shlex
-import struct
-import zipfile
-import zlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -21,23 +17,12 @@ from sma_actuator.base.parameters import ConfigError
 from .errors import BenchLogError
 from .fields import decimal_mark, find_table, is_number, number, seconds_between, trimmed
 from .tables import EVENT_COLUMN, Progress, Table, holds_text
-from .text import CHUNK_BYTES, SEARCHED_LINES, read_text
-from .unpacking import refuse_larger, unpacking
+from .text import SEARCHED_LINES, read_text
+from .unpacking import look_at_excel, look_at_matlab, refuse_larger, unpacking
 
 #: What a cell of a sheet takes until it is a number of a column, a Python object and a place in a row; a row takes as
 #: much as four.
 _CELL_B, _ROW_CELLS = 40, 4
-#: What a byte of a book takes that is not read row by row, but becomes objects, all of it: of its texts, whose shortest
-#: take 20 bytes, and of all else: styles of five bytes were measured to take 130 times as much.
-_TEXTS_B, _WHOLE_B = 20, 150
-#: Of MATLAB's level 5: its header, the tag of an element, the type of one that is packed, and what a byte of text
-#: becomes.
-_MATLAB_HEADER_B, _MATLAB_TAG_B, _MATLAB_PACKED, _CHARACTER_B = 128, 8, 15, 4
-#: Kinds of its elements: numbers, matrices and what they are packed in, text; how deep structures stand in each other.
-_MATLAB_KINDS, _MATLAB_MATRIX, _MATLAB_DEEPEST = {*range(1, 8), 9, *range(12, 19)}, 14, 20
-#: How a matrix begins (kind and length of its flags); which of them are of characters and numbers, and which of these
-#: has rows and columns beside; what in the flags says that there is an imaginary part.
-_MATLAB_FLAGS, _MATLAB_NUMBERS, _MATLAB_SPARSE, _MATLAB_COMPLEX = (6, 8), range(4, 16), 5, 0x800
 _NUMBER_B = 8
 _SHORTEST = 10  #: rows of a sheet that may be a log, beside others with some results
 
@@ -70,7 +55,7 @@ def read_table(path: Path, progress: Progress | None = None, sheet: str = "") ->
 def _excel(path: Path, wanted: str = "") -> Table:
     import openpyxl
 
-    _look_at_excel(path)
+    look_at_excel(path)
     book = openpyxl.load_workbook(path, read_only=True, data_only=True, keep_links=False)
     try:
         cells = 0
@@ -92,32 +77,6 @@ def _excel(path: Path, wanted: str = "") -> Table:
     units = dict(zip(names, _as_text(rows[header + 1 : first])[0], strict=False)) if first > header + 1 else {}
     columns = {name: [row[i] if i < len(row) else None for row in rows[first:]] for i, name in enumerate(names)}
     return _table(path, columns, {n: u.strip("[]() ") for n, u in units.items() if u}, f"sheet '{sheet}'", first + 1)
-
-
-def _look_at_excel(path: Path) -> None:
-    """Refuse a book whose parts take too much, each as what the book says that it is: its name is anybody's choice."""
-    from openpyxl.packaging.manifest import Manifest
-    from openpyxl.xml.constants import ARC_CONTENT_TYPES
-    from openpyxl.xml.functions import fromstring
-
-    with zipfile.ZipFile(path) as packed:
-        refuse_larger(path, _WHOLE_B * packed.getinfo(ARC_CONTENT_TYPES).file_size)
-        kinds: dict[str, set[str]] = {}
-        for said in Manifest.from_tree(fromstring(packed.read(ARC_CONTENT_TYPES))).Override:
-            if said.ContentType.endswith("xml"):
-                kinds.setdefault(said.PartName[1:], set()).add(said.ContentType)
-        parts = [(each.filename, each.file_size) for each in packed.infolist()]
-    refuse_larger(path, sum(_times(name, kinds.get(name, set())) * size_B for name, size_B in parts))
-
-
-def _times(part: str, kinds: set[str]) -> int:
-    """How many times its size a part of a book takes, of which the book says that it is XML of these kinds."""
-    from openpyxl.xml.constants import SHARED_STRINGS, WORKSHEET_TYPE
-
-    others = kinds - {WORKSHEET_TYPE}
-    if part.endswith(".rels") or others:
-        return _TEXTS_B if others == {SHARED_STRINGS} else _WHOLE_B
-    return _WHOLE_B if part.endswith(".xml") and not (kinds or part.startswith("xl/worksheets/")) else 1
 
 
 def _sheet_of(path: Path, sheets: Mapping[str, Sequence[Any]], tables: Mapping[str, Any], wanted: str) -> str:
@@ -181,77 +140,12 @@ def _of_numbers(kind: Any) -> bool:
 def _matlab(path: Path) -> Table:
     import scipy.io
 
-    _look_at_matlab(path)
+    look_at_matlab(path)
     try:
         found = scipy.io.loadmat(path, squeeze_me=True, simplify_cells=True)
     except NotImplementedError:
         return _hdf5(path)  # version 7.3 is HDF5
     return _table(path, _vectors(path, {n: v for n, v in found.items() if not n.startswith("__")}))
-
-
-def _look_at_matlab(path: Path) -> None:
-    """Refuse a file of level 5 whose packed elements take too much, or whose elements SciPy would break on.
-
-    What they take stands nowhere, so it is counted.  SciPy believes kind and length of an element: of others than there
-    are the process ends with a bus error.
-    """
-    size_B = path.stat().st_size
-    if size_B < _MATLAB_HEADER_B:
-        return  # no file of level 5: the reader will say so
-    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-        order = {b"\x00\x01IM": "<", b"\x01\x00MI": ">"}.get(content[_MATLAB_HEADER_B - 4 : _MATLAB_HEADER_B])
-        if order is None:
-            return  # of another level
-        unpacked_B, at = 0, _MATLAB_HEADER_B
-        while at + _MATLAB_TAG_B <= size_B:
-            kind, length_B = struct.unpack_from(f"{order}II", content, at)
-            begin, at = at, at + _MATLAB_TAG_B + length_B
-            if kind == _MATLAB_PACKED:
-                unpacker, parts = zlib.decompressobj(), []
-                left = content[begin + _MATLAB_TAG_B : at]
-                while left:
-                    parts.append(unpacker.decompress(left, CHUNK_BYTES))
-                    unpacked_B += len(parts[-1])
-                    refuse_larger(path, _CHARACTER_B * unpacked_B)
-                    left = unpacker.unconsumed_tail
-                _look_at_elements(path, b"".join(parts), order, 0)
-            else:
-                _look_at_elements(path, content[begin:at], order, 0)
-
-
-def _look_at_elements(path: Path, content: bytes, order: str, level: int) -> list[int]:
-    """Refuse elements that are of no kind there is, longer than what they stand in, or nested beyond reason; the kind
-    of each."""
-    kinds: list[int] = []
-    at = 0
-    while at + _MATLAB_TAG_B <= len(content):
-        kind, length_B = struct.unpack_from(f"{order}II", content, at)
-        begin, room_B = at + _MATLAB_TAG_B, len(content) - at - _MATLAB_TAG_B
-        if kind >> 16:  # a short one, in its own tag
-            kind, length_B, begin, room_B = kind & 0xFFFF, kind >> 16, at + 4, 4
-            at += _MATLAB_TAG_B
-        else:
-            at = begin + length_B + -length_B % _MATLAB_TAG_B
-        if kind not in _MATLAB_KINDS or length_B > room_B or level > _MATLAB_DEEPEST:
-            raise BenchLogError(f"{path}: is no readable .mat file (an element of kind {kind} with {length_B} bytes)")
-        if kind == _MATLAB_MATRIX and length_B:
-            inside = content[begin : begin + length_B]
-            _look_at_matrix(path, inside, _look_at_elements(path, inside, order, level + 1), order)
-        kinds.append(kind)
-    return kinds
-
-
-def _look_at_matrix(path: Path, content: bytes, kinds: list[int], order: str) -> None:
-    """Refuse a matrix that lacks some of its numbers: SciPy reads on in what follows, and breaks on another matrix."""
-    tag = struct.unpack_from(f"{order}II", content) if len(content) >= 2 * _MATLAB_TAG_B else ()
-    flags = struct.unpack_from(f"{order}I", content, _MATLAB_TAG_B)[0] if tag == _MATLAB_FLAGS else 0
-    which, is_complex = flags & 0xFF, bool(flags & _MATLAB_COMPLEX)
-    if which in _MATLAB_NUMBERS:
-        parts = (3 if which == _MATLAB_SPARSE else 1) + is_complex
-        if _MATLAB_MATRIX in kinds or len(kinds) < 3 + parts:  # flags, size and name come first
-            raise BenchLogError(f"{path}: is no readable .mat file (a matrix without all of its numbers)")
-    elif not which:
-        raise BenchLogError(f"{path}: is no readable .mat file (a matrix that does not say of what)")
 
 
 def _tdms(path: Path) -> Table:

@@ -24,9 +24,8 @@ import numpy as np
 from .errors import BenchLogError
 from .fields import Columns, are_units, find_table, is_number, trimmed
 from .tables import EVENT_COLUMN, Progress, Table, holds_text
-from .unpacking import refuse_larger
+from .unpacking import PIECE_B, refuse_larger
 
-CHUNK_BYTES = 8_000_000
 _SEPARATORS = (b",", b";", b"\t")
 _BLANKS = b" "
 SEARCHED_LINES = 200  #: for the header: what loggers write before it is a page at the most
@@ -226,15 +225,15 @@ def _parse(stream: BinaryIO, path: Path, progress: Progress | None) -> Table:
     start = stream.tell()
     total_bytes = max(1, stream.seek(0, os.SEEK_END) - start)
     stream.seek(start)
-    rows = sum(block.count(b"\n") for block in iter(lambda: stream.read(CHUNK_BYTES), b"")) + 1
+    rows = sum(block.count(b"\n") for block in iter(lambda: stream.read(PIECE_B), b"")) + 1
     stream.seek(start)
     refuse_larger(path, 8 * len(header.names) * rows)
     values = np.empty((len(header.names), rows))
     parser = _ChunkParser(path, header)
     filled, rest = 0, b""
     while True:
-        block = stream.read(CHUNK_BYTES)
-        end = len(block) < CHUNK_BYTES
+        block = stream.read(PIECE_B)
+        end = len(block) < PIECE_B
         block = rest + block
         cut = len(block) if end else block.rfind(b"\n") + 1
         if len(block) - cut > _LONGEST_LINE_B:

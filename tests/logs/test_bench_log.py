@@ -49,7 +49,7 @@ def test_a_written_log_is_read_again_with_its_extra_columns_and_metadata(tmp_pat
 def test_reading_in_small_chunks_gives_the_same_numbers(file, monkeypatch):
     path = file(HEADER + "\n" + rows(500))
     whole = read_bench_log(path)
-    monkeypatch.setattr("sma_actuator.logs.text.CHUNK_BYTES", 997)
+    monkeypatch.setattr("sma_actuator.logs.text.PIECE_B", 997)
     chunked = read_bench_log(path)
     for name in whole.columns:
         np.testing.assert_array_equal(whole[name], chunked[name])

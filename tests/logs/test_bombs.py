@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from sma_actuator.cli.main import main
-from sma_actuator.logs import tables
+from sma_actuator.logs import unpacking
 from sma_actuator.logs.bags import log_from_bag
 from sma_actuator.logs.bench_log import check_bench_log, read_bench_log
 from sma_actuator.logs.errors import BenchLogError
@@ -101,7 +101,7 @@ BOMBS = [
 def test_what_takes_more_memory_than_a_log_may_is_refused_before_it_is_unpacked(tmp_path, monkeypatch, write, ending):
     path = tmp_path / f"bomb{ending}"
     write(path)
-    monkeypatch.setattr(tables, "LARGEST_B", BOUND_B)
+    monkeypatch.setattr(unpacking, "LARGEST_B", BOUND_B)
     tracemalloc.start()
     try:
         with pytest.raises(
@@ -172,7 +172,7 @@ def test_a_few_bytes_do_not_stand_for_a_large_log(tmp_path, monkeypatch, write, 
     """Below what a log may take, and yet hundreds of times what the file has."""
     path = tmp_path / f"bomb{ending}"
     write(path)
-    monkeypatch.setattr(tables, "SMALL_B", BOUND_B)
+    monkeypatch.setattr(unpacking, "SMALL_B", BOUND_B)
     with pytest.raises(BenchLogError, match=r"bomb\.\w+: \d+ bytes that stand for \d+ MB; no log packs so well"):
         read_table(path)
 
@@ -188,7 +188,7 @@ def test_measured_numbers_that_are_packed_are_read(tmp_path, monkeypatch):
             "I": np.full(100_000, 0.05),
         }.items():
             file.create_dataset(name, data=values, chunks=(1000,), compression="gzip", shuffle=True, compression_opts=9)
-    monkeypatch.setattr(tables, "SMALL_B", 0)
+    monkeypatch.setattr(unpacking, "SMALL_B", 0)
     times = 2_400_000 / (tmp_path / "a.h5").stat().st_size
     assert list(read_table(tmp_path / "a.h5").columns) == ["I", "R", "time_s"] and times > 4.0
 
@@ -311,7 +311,7 @@ def test_what_a_recording_does_not_say_of_its_size_is_bounded(tmp_path, monkeypa
     from rosbags.rosbag2.reader import zstd
 
     limits = resource.getrlimit(resource.RLIMIT_AS), resource.getrlimit(resource.RLIMIT_FSIZE)
-    monkeypatch.setattr(tables, "UNPACKING_B", 100_000_000)
+    monkeypatch.setattr(unpacking, "UNPACKING_B", 100_000_000)
     bomb = zstd.compress(bytes(300_000_000))
     folder = recording(
         tmp_path / "bag", f"{_MESSAGES.format('')} INSERT INTO messages VALUES (1, 1, 1, x'{bomb.hex()}');", packed
