@@ -1,7 +1,8 @@
-"""Off for a supply without a watchdog whose program is gone: killed, or ended by what nobody can catch.
+"""Off for a supply without a watchdog whose program is gone, or stands still: killed, stopped, or ended by what nobody
+can catch.
 
-A process of its own, begun when such a supply is first switched on, waits for the end of the program that drives it
-(``last_word.py``).  Here is what the program knows of it.
+A process of its own, begun when such a supply is first switched on, waits for the end of the program that drives it,
+or for its silence where that has promised to be heard (``last_word.py``).  Here is what the program knows of it.
 """
 
 from __future__ import annotations
@@ -22,6 +23,9 @@ from .parameters import Instruments, InstrumentSections
 _SECTIONS = {"instruments": Instruments, "supply": SupplyParameters, "loop": Loop}
 #: The promise: off is said so soon after the end of the program, and read back in the time of an answer.
 WITHIN_s = 1.0
+#: Silence beyond ``safety.reading_timeout`` and an answer after which a program stands still: the watchman of one that
+#: runs says off after half of it.
+STANDS_STILL_s = 1.0
 OFF_ANSWERS = 3  #: of instruments.supply.timeout, for each attempt; so long another program waits for it
 
 
@@ -57,6 +61,7 @@ class Afterwards:
         assert self._process.stdin is not None
         self._process.stdin.write(json.dumps(sections).encode() + b"\n")
         self._process.stdin.flush()
+        os.set_blocking(self._process.stdin.fileno(), False)  # nobody waits for one that does not read
 
     @property
     def waits(self) -> bool:
@@ -64,6 +69,12 @@ class Afterwards:
         if self._process.poll() is not None:
             return False
         return os.waitid(os.P_PID, self._process.pid, os.WSTOPPED | os.WNOHANG | os.WNOWAIT) is None
+
+    def promise(self, silent_s: float) -> None:
+        """The program will be heard again within so long, or have switched off; 0: it need not be."""
+        assert self._process.stdin is not None
+        with contextlib.suppress(OSError):  # that it is gone, :attr:`waits` says
+            os.write(self._process.stdin.fileno(), f"{silent_s:g}\n".encode())
 
     def dismiss(self) -> None:
         """End it without a word: the supply has read back that it is off."""

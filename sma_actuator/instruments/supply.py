@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from . import InstrumentError, InstrumentLost, InstrumentRefused, InstrumentUnreachable, OutputStaysOn
-from .afterwards import OFF_ANSWERS, Afterwards
+from .afterwards import OFF_ANSWERS, Afterwards, STANDS_STILL_s
 from .byte_streams import Manner
 from .claim import Claim
 from .parameters import InstrumentSections
@@ -195,6 +195,11 @@ class SessionSupply(ABC):
             )
             self._begin_afterwards()
 
+    def _promise(self, silent_s: float) -> None:
+        afterwards = self._afterwards  # any thread may switch off, or close
+        if afterwards is not None:
+            afterwards.promise(silent_s)
+
     def _begin_afterwards(self) -> None:
         try:
             self._afterwards = Afterwards(self._config)
@@ -221,8 +226,10 @@ class SessionSupply(ABC):
             self._do_check(check)
 
     def check_next_setting(self) -> None:
-        """The same of one of them, in turn; and that somebody waits who says off when this program is gone."""
+        """The same of one of them, in turn; and that somebody waits who says off when this program is gone, or asks no
+        more."""
         self._keep_afterwards()
+        self._promise(self.patience_s + self._instrument.timeout + STANDS_STILL_s)
         if self._checks:
             self._check_number = (self._check_number + 1) % len(self._checks)
             self._do_check(self._checks[self._check_number])
@@ -341,6 +348,7 @@ class SessionSupply(ABC):
             session.tell_blind(*session.off_lines)
             if not self._output_is_on(session):
                 self._confirmed = True
+                self._promise(0.0)
                 return
             time.sleep(_OFF_PAUSE_s)
         raise OutputStaysOn(session.name)

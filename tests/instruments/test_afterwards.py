@@ -5,11 +5,13 @@ import contextlib
 import json
 import os
 import re
+import select
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from waiting import Elapsed, Stalls, wait_until
@@ -229,3 +231,59 @@ def test_where_none_can_be_begun_anew_that_is_said_once(mapping, monkeypatch, ca
     assert caplog.text.count("nobody says off when this program is killed") == 1
     supply.switch_off()
     supply.close()
+
+
+def test_a_supply_that_is_looked_after_is_promised_to_be_heard_of_until_it_is_off(mapping, monkeypatch):
+    said = []
+    monkeypatch.setattr(afterwards.Afterwards, "promise", lambda _, silent_s: said.append(silent_s))
+    config = Config.from_mapping(mapping())
+    supply = open_supply(config)
+    supply.open()
+    supply.set_output(True)
+    assert said == [], "nobody looks after it yet, as in a program that waits for a person"
+    supply.patience_s = 3.0
+    supply.check_next_setting()
+    assert said == [3.0 + config.instruments.supply.timeout + afterwards.STANDS_STILL_s]
+    supply.switch_off()
+    assert said[1:] == [0.0]
+    supply.close()
+
+
+class TestWait:
+    """What ends it, with the parent of this process for the program."""
+
+    @pytest.fixture
+    def wait(self, monkeypatch):
+        """``wait(said, looks)``: what is said to it, and after how many looks the pipe ends."""
+        ours, theirs = os.pipe()
+        looks = []
+
+        def look(*_):
+            looks.append(select.select([ours], [], [], 0.0)[0])
+            if len(looks) > self.ends_after:
+                os.close(theirs)
+                looks[-1] = [ours]
+            return looks[-1], [], []
+
+        def wait(said, ends_after):
+            self.ends_after = ends_after
+            os.write(theirs, said)
+            return last_word._wait_for_the_end(os.getppid()), len(looks)
+
+        with os.fdopen(ours) as stdin:
+            monkeypatch.setattr(last_word.sys, "stdin", stdin)
+            monkeypatch.setattr(last_word, "select", SimpleNamespace(select=look))
+            yield wait
+
+    @pytest.mark.parametrize("said", [b"", b"0\n", b"1\n0\n"])
+    def test_silence_alone_is_no_end_where_nothing_was_promised(self, wait, said):
+        assert wait(said, 500) == (False, 501)
+
+    @pytest.mark.parametrize("said", [b"1\n", b"0\n1\n", b"7\n1\n"])
+    def test_it_is_where_the_last_promise_is_broken(self, wait, said):
+        stands_still, looks = wait(said, 500)
+        assert stands_still
+        assert 1.0 / last_word._LOOK_s < looks - 1 <= 1.0 / last_word._LOOK_s + 1, "the first look hears it"
+
+    def test_it_is_gone_where_it_has_another_parent(self, wait):
+        assert not last_word._wait_for_the_end(os.getppid() + 1)
