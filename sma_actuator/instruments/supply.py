@@ -134,6 +134,7 @@ class SessionSupply(ABC):
         to switch off, first and last, unless another program of this computer drives it.
         """
         session = self._session
+        self._promise(0.0)  # who opens it says off first, again and again, and may wait for long
         with session.within(OPENING_ANSWERS * self._instrument.timeout):
             if self._instrument.exclusive_lock and self._claim is None:
                 self._claim = self._claimed_soon()

@@ -12,6 +12,7 @@ import sys
 import time
 from pathlib import Path
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import pytest
 from waiting import Elapsed, Stalls, wait_until
@@ -246,6 +247,11 @@ def test_a_supply_that_is_looked_after_is_promised_to_be_heard_of_until_it_is_of
     assert said == [3.0 + config.instruments.supply.timeout + afterwards.STANDS_STILL_s]
     supply.switch_off()
     assert said[1:] == [0.0]
+    supply.check_next_setting()
+    with contextlib.suppress(InstrumentLost):  # one that was lost, for which a program that lives says off itself
+        monkeypatch.setattr(supply._session, "open", Mock(side_effect=InstrumentLost("it is away")))
+        supply.open()
+    assert said[-1] == 0.0 and len(said) == 4
     supply.close()
 
 
