@@ -78,7 +78,14 @@ class Limits:
         "times",
         1.0,
     )
-    nothing: float = parameter(0.3, "probability that nothing has happened", "1", 0.0, 1.0)
+    nothing: float = parameter(
+        0.3,
+        "probability that nothing has happened; where it is the most probable and has no less with the logs, they do "
+        "not say that anything has",
+        "1",
+        0.0,
+        1.0,
+    )
     rare: float = parameter(
         0.1,
         "probability that something has happened that is like none of the effects, as much that it looks like one and "

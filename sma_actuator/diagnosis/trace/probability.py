@@ -36,10 +36,10 @@ class Probabilities:
 
     @property
     def verdict(self) -> tuple[str, list[str]]:
-        """None where that is more probable than not, traced or unexplained; and the names that are given: the smallest
-        set among which all that has happened is probably enough, or where there is none, those of the most probable
-        hypothesis that are so by themselves."""
-        if self.by_name.get(NOTHING, 0.0) >= 0.5:
+        """None where nothing is the most probable and no less so than before the logs, traced or unexplained; and the
+        names that are given: the smallest set among which all that has happened is probably enough, or where there is
+        none, those of the most probable hypothesis that are so by themselves."""
+        if self.best == (NOTHING,) and self.of[self.best] >= LIMITS.nothing:
             return "none", []
         likely = [name for name in self.by_name if name not in NO_NAMES]
         of_best = [name for name in likely if name in self.best]
