@@ -37,6 +37,7 @@ from kept import MODEL, kept
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
+from scipy.stats import binomtest
 
 from sma_actuator.bench.hidden import FOREIGN, TWINS, require_twins
 from sma_actuator.cli.main import main as sma_actuator
@@ -53,6 +54,7 @@ RAISED = 1.5  #: error over that of the same session without the effect, from wh
 KINDS = ("none", "single", "pair", "foreign")
 MOST_COLUMNS = 8  #: of the table, so many physics can be read beside each other
 MOST_NAMES = 3  #: in a set that still says something
+DRAWS = 200  #: of what may be true where probabilities hold
 #: What should come, beside every figure.
 AIMS = {
     "noticed": ">= 95 %",
@@ -65,6 +67,7 @@ AIMS = {
     "most probable is true": "",
     "p / of the true": ">= 0.75",
     "p / calibration error": "<= 0.08",
+    "p / that of what holds": "",
     "said 80-100 %, true": ">= 85 %",
     "seconds / a session": "",
 }
@@ -295,7 +298,9 @@ def figures(answers: Sequence[dict]) -> dict[str, tuple[float, int]]:
         "said 80-100 %, true": [true for share, true, _ in said if share >= 0.8],
     }
     out = {name: (float(np.mean(values)) if values else np.nan, len(values)) for name, values in rates.items()}
-    out["p / calibration error"] = (calibration_error([(share, true) for share, true, _ in said]), len(said))
+    best = [(share, true) for share, true, _ in said]
+    out["p / calibration error"] = (calibration_error(best), len(said))
+    out["p / that of what holds"] = (calibration_error_by_chance([share for share, _ in best]), len(said))
     return out
 
 
@@ -334,6 +339,13 @@ def calibration_error(said: Sequence[tuple[float, bool]]) -> float:
     return sum(n * abs(p - true) for _, n, p, true in by_tenth(said)) / len(said) if said else math.nan
 
 
+def calibration_error_by_chance(shares: Sequence[float]) -> float:
+    """Mean calibration error of so many cases in which each of these probabilities holds: few cases show one too."""
+    rng = np.random.default_rng(0)
+    drawn = rng.random((DRAWS, len(shares))) < np.array(shares)
+    return float(np.mean([calibration_error(list(zip(shares, true, strict=True))) for true in drawn]))
+
+
 def draw(path: Path, said: Sequence[tuple[float, bool]]) -> None:
     """Write a picture of what was said against what was true."""
     drawing, axes = figure(1, 1)
@@ -345,7 +357,8 @@ def draw(path: Path, said: Sequence[tuple[float, bool]]) -> None:
 
 
 def show(console: Console, answers: Sequence[dict]) -> None:
-    """The figures per physics, if these are few, and per model; what was said of each effect, pair and nothing."""
+    """The figures per physics, if these are few, and per model, of all with 95 % intervals of the shares; what was
+    said of each effect, pair and nothing."""
     parts: dict[str, Sequence[dict]] = {}
     for key in ("physics", "model"):
         values = list(dict.fromkeys(x[key] for x in answers))
@@ -358,20 +371,13 @@ def show(console: Console, answers: Sequence[dict]) -> None:
     table.add_column("aim")
     for header in parts:
         table.add_column(header, justify="right")
-    columns = [figures(part) for part in parts.values()]
+    columns = [(figures(part), part is answers or part[0]["model"] == value) for value, part in parts.items()]
     for name, aim in AIMS.items():
-        cells = [
-            "" if not n else f"{v:.2f} ({n})" if "/" in name else f"{v:.0%} ({n})"
-            for v, n in (c[name] for c in columns)
-        ]
-        table.add_row(name, aim, *cells)
-    tenths = Table(title="what was said to be most probable, and how often it was true")
-    for header in ("said with", "cases", "said in the mean", "true"):
-        tenths.add_column(header, justify="right")
-    for tenth, n, p, true in by_tenth([_most_probable(x) for x in answers if _asked_for(x)]):
-        tenths.add_row(f"{10 * tenth}-{10 * tenth + 10} %", str(n), f"{p:.0%}", f"{true:.0%}")
+        table.add_row(name, aim, *(_cell(name, *column[name], interval) for column, interval in columns))
     console.print(table)
-    console.print(tenths)
+    models = list(dict.fromkeys(x["model"] for x in answers))
+    for model in (*models, None) if len(models) > 1 else (None,):
+        _tenths(console, [x for x in answers if model in (x["model"], None)], model)
     _said(console, [x for x in answers if x["kind"] == "single" and x["raised"] >= RAISED])
     both = [x for x in answers if x["kind"] == "pair" and x["raised"] >= RAISED]
     if both:
@@ -382,6 +388,27 @@ def show(console: Console, answers: Sequence[dict]) -> None:
         if x["kind"] == "none" and x["verdict"] != "none":
             what = f"{x['model']}, {x['alloy']}, {x['load']}, {x['program']}"
             console.print(f"false alarm: {x['physics']}, {what}: {x['verdict']} {' + '.join(x['effects'])}")
+
+
+def _cell(name: str, value: float, number: int, interval: bool) -> str:
+    """A figure as it stands in the table: of how many cases, and a share with its binomial 95 % interval."""
+    if not number:
+        return ""
+    if "/" in name:
+        return f"{value:.2f} ({number})"
+    low, high = binomtest(round(value * number), number).proportion_ci()
+    return f"{value:.0%} ({number}{f': {100 * low:.0f}-{100 * high:.0f}' if interval else ''})"
+
+
+def _tenths(console: Console, answers: Sequence[dict], model: str | None) -> None:
+    tenths = Table(
+        title="what was said to be most probable, and how often it was true" + (f", {model}" if model else "")
+    )
+    for header in ("said with", "cases", "said in the mean", "true"):
+        tenths.add_column(header, justify="right")
+    for tenth, n, p, true in by_tenth([_most_probable(x) for x in answers if _asked_for(x)]):
+        tenths.add_row(f"{10 * tenth}-{10 * tenth + 10} %", str(n), f"{p:.0%}", f"{true:.0%}")
+    console.print(tenths)
 
 
 def _said(console: Console, raised: Sequence[dict]) -> None:
