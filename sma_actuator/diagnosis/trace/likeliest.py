@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import lsq_linear
+from scipy.special import ndtr
 
 from sma_actuator.estimation.effects import Effect
 
@@ -38,6 +39,7 @@ TRIED = 100  #: times of something that happens once …
 BESIDE_IT = (-0.02, -0.01, -0.005, -0.002, 0.002, 0.005, 0.01, 0.02)  #: in the length of the logs, looked at in the end
 MOST_TIMES, TIMES_APART = 4, 0.03  #: … of which so many are tried, so far apart, in the length of the logs
 WIDEST = 50.0  #: of a range, in the optimiser's units
+LEAST = 1e-9  #: of a normal distribution that is possible: of a range without any width, all
 
 
 class Problem:
@@ -90,6 +92,15 @@ class Problem:
     def clipped(self, u: np.ndarray) -> np.ndarray:
         """The same within what is possible."""
         return np.clip(u, self.low, self.high)
+
+    def possible(self, u: np.ndarray, deviation: np.ndarray) -> float:
+        """Logarithm of how much of a normal distribution of the parameters is possible, over how much of it was before
+        the logs: a size of one sign has half of one, and nothing is paid for the half that cannot be."""
+        likely, before = (
+            np.log(np.maximum(ndtr((self.high - mean) / size) - ndtr((self.low - mean) / size), LEAST))
+            for mean, size in ((u, deviation), (self.usual, self.spread))
+        )
+        return float(np.sum(likely - before))
 
     def cost(self, covariance: Covariance, rows: np.ndarray, u: np.ndarray) -> float:
         """Squares under the covariance, and of what is known of the parameters."""
@@ -175,7 +186,9 @@ class Likeliest:
         step = np.clip(np.linalg.solve(curvature, uphill), -1.0, 1.0)
         higher = float(step @ (uphill - 0.5 * curvature @ step))
         volume = float(np.linalg.slogdet(axes)[1]) - 0.5 * float(np.linalg.slogdet(curvature)[1])
-        return covariance.log_likelihood(float(here)) - 0.5 * float(off @ off) + higher + volume
+        deviation = np.sqrt(np.sum(self.axes.T * np.linalg.solve(curvature, self.axes.T), axis=0))
+        possible = p.possible(self.u + self.axes @ step, deviation)
+        return covariance.log_likelihood(float(here)) - 0.5 * float(off @ off) + higher + volume + possible
 
 
 def curved(

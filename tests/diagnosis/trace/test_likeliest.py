@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from sma_actuator.diagnosis.trace.candidates import Candidate
 from sma_actuator.diagnosis.trace.covariance import Covariance
@@ -61,6 +62,19 @@ def test_laplaces_evidence_is_exact_where_all_is_linear_and_normal():
         together = Covariance(SMOOTH, LIMITS.size * SLOPES)
         expected = together.log_likelihood(float(np.sum(together.whiten(base) ** 2)))
         assert found.log_evidence(usual) == pytest.approx(expected, abs=1e-3)
+
+
+@pytest.mark.parametrize("true", [(1.0, -2.0), (0.0, 0.0), (-0.1, 1.0)])
+def test_nothing_is_paid_for_what_cannot_be(true):
+    """A size of one sign: before the logs it was normal over that half alone, and so is what they leave likely."""
+    base, found, usual = of(true, least=0.0)
+    a = usual.whiten(SLOPES)
+    information = a.T @ a + np.eye(2) / LIMITS.size**2
+    mean, deviation = -np.linalg.solve(information, a.T @ usual.whiten(base)), np.sqrt(np.linalg.inv(information)[0, 0])
+    together = Covariance(SMOOTH, LIMITS.size * SLOPES)
+    both_signs = together.log_likelihood(float(np.sum(together.whiten(base) ** 2)))
+    expected = both_signs + float(norm.logsf(-mean[0] / deviation)) + math.log(2.0)
+    assert found.log_evidence(usual) == pytest.approx(expected, abs=0.05)
 
 
 def test_what_is_not_there_costs_what_it_could_have_been():
