@@ -82,5 +82,6 @@ def cooling_C(
     rises_1_s = shared / spread_s2
     left = state[first + _YY] - state[first + _Y] ** 2 / count - rises_1_s * shared
     scatter = sqrt(max(left / (count - 2.0), SCATTER * SCATTER))
-    falls_1_s = SURELY * scatter / sqrt(spread_s2) - rises_1_s
+    # One whose resistance rises is being heated, or transforms: it may be as hot as its power leaves it.
+    falls_1_s = max(SURELY * scatter / sqrt(spread_s2) - rises_1_s, 0.0)
     return max(state[first + _SETTLES_C] + falls_1_s * longest_s / slope_1_K, transformed_C)

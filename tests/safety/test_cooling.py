@@ -81,3 +81,16 @@ def test_another_load_a_gap_and_a_power_that_was_not_measured_begin_anew(look, o
 def test_a_reading_that_is_none_is_left_out(look):
     found_C = [look(5.0 if i % 2 else math.nan) for i in range(60)]
     assert found_C[-2] == math.inf and found_C[-1] == TRANSFORMS_C
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    begins_C=st.floats(160.0, 190.0),
+    slope_1_K=st.floats(SLOPE_1_K, 1e-3),
+    time_constant_s=st.floats(0.1 * LONGEST_s, LONGEST_s),
+)
+def test_nor_is_one_that_is_heated_further(begins_C, slope_1_K, time_constant_s):
+    once, settles_C = looking(), 420.0
+    for i in range(100):
+        is_C = settles_C + (begins_C - settles_C) * math.exp(-i * STEP_s / time_constant_s)
+        assert once(5.0 * (1.0 + slope_1_K * (is_C - COLD_C)), settles_C=settles_C) >= is_C - 1.0
