@@ -20,7 +20,7 @@ from typing import Any
 from .base.balance import held_rise_K, holding_A
 from .base.parameters import ConfigError, from_mapping
 from .base.sections import Loop, SupplyParameters, ThermalParameters, Wire
-from .safety.thermal import CAPACITY_WITHIN
+from .safety.transformed import CAPACITY_WITHIN
 
 DENSITY_kg_m3 = 6450.0
 SPECIFIC_HEAT_J_kgK = {"ni-ti": 837.0, "ni-ti-cu": 500.0}

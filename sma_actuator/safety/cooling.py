@@ -44,14 +44,14 @@ def cooling_C(
     settles_C: float,
     longest_s: float,
     slope_1_K: float,
-    transformed_C: float,
+    returns_C: float,
 ) -> float:
     """How hot a wire can be at most [°C] by its resistance as it cools; ∞ where that does not tell, or not yet.
 
     ``settles_C``: the hottest that its power would leave it in the end; ``longest_s``: the longest time constant that
     it may have; ``slope_1_K``: the least by which the resistance of its austenite rises, as a share;
-    ``transformed_C``: above which no wire transforms.  What is remembered begins at the ``first`` of ``state``
-    (:func:`begin_cooling`).
+    ``returns_C``: the highest at which it begins to transform as it cools.  What is remembered begins at the ``first``
+    of ``state`` (:func:`begin_cooling`).
     """
     since_s = state[first + _SINCE_s] + dt_s
     if not (same_load and since_s <= ANEW * longest_s and settles_C > state[first + _SETTLES_C] - LESS_K):
@@ -84,4 +84,4 @@ def cooling_C(
     scatter = sqrt(max(left / (count - 2.0), SCATTER * SCATTER))
     # One whose resistance rises is being heated, or transforms: it may be as hot as its power leaves it.
     falls_1_s = max(SURELY * scatter / sqrt(spread_s2) - rises_1_s, 0.0)
-    return max(state[first + _SETTLES_C] + falls_1_s * longest_s / slope_1_K, transformed_C)
+    return max(state[first + _SETTLES_C] + falls_1_s * longest_s / slope_1_K, returns_C)

@@ -14,8 +14,9 @@ from .reach import (
     PATIENCE_s,
 )
 from .records import Limit
-from .thermal import CAPACITY_WITHIN, LEAST_SLOPE_1_K, LOSING_TIMES, NOT_CONTRACTED_MARGIN, SUDDENLY
+from .thermal import LOSING_TIMES, NOT_CONTRACTED_MARGIN, SUDDENLY
 from .timing import ONE_STEP, TWO_STEPS
+from .transformed import CAPACITY_WITHIN, LEAST_SLOPE_1_K
 
 SETPOINT_RANGE = Limit(
     "setpoint_range",
@@ -77,7 +78,8 @@ TEMPERATURE_DERATING = Limit(
     f"heat_loss_margin ({NOT_CONTRACTED_MARGIN:g} at the most until it has contracted); {SUDDENLY:g} of what it has "
     f"shown to lose over {LOSING_TIMES:g} time constants. Above thermal.derate_temperature linearly down to "
     "supply.bias_current. A wire of which nothing is known gets the bias until its resistance, which would fall, or "
-    "the heat balance with that margin says that it is no hotter than thermal.transformed_temperature",
+    "the heat balance with that margin says that it is no hotter than it begins to return at "
+    "(thermal.transformed_temperature without a calibration)",
     ONE_STEP,
 )
 

@@ -18,8 +18,9 @@ from .guards.readings import are_inside
 from .limits import ANSWER_LATE, STRESS_NEAR_LIMIT, TEMPERATURE_DERATING
 from .parameters import SafetySections
 from .records import Action, Fault, Guard, Limit, Memory, Step
-from .thermal import Transforms, WireHeat, derated_limit_A, most_contracted_Ohm
+from .thermal import WireHeat, derated_limit_A
 from .timing import SETTLING_READINGS, SETTLING_TIME_s
+from .transformed import Transforms, most_contracted_Ohm
 
 _OFF = Command(0.0, False)
 

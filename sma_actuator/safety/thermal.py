@@ -18,7 +18,7 @@ Nothing is known of a wire when an actuator begins: it may come from another tha
 the wire was hot.  So it starts as hot as a wire may be and cools by the balance, which takes a few
 of the wire's time constants, or until its resistance is seen to stand.  And it may be another
 wire than the calibrated one: whether it has contracted its resistance tells only beside what it
-has shown cold (:func:`keep_cold`).
+has shown cold (:func:`keep_cold`); where it stands at what the calibrated one shows cold, it is that.
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ from __future__ import annotations
 import math
 from math import exp, expm1, inf, isfinite, nan
 
-from sma_actuator.base.calibration import Calibration, HotEndSection
+from sma_actuator.base.calibration import Calibration
 from sma_actuator.base.jit import Floats, floats, jit
-from sma_actuator.base.lookup import row_of
 from sma_actuator.base.sections import ThermalParameters
 
 from .cooling import COOLING, begin_cooling, cooling_C
-from .transformed import share_and_heating_C
+from .transformed import (
+    CAPACITY_WITHIN,
+    FALLS,
+    Transforms,
+    returns_at_most_C,
+    shows_cold,
+    transforms_at_C,
+)
 
 #: The hottest that a wire may be is aimed at with this distance, for noise and a resistance that rises.
 HEADROOM_K = 5.0
-#: The least and the most by which the resistance of austenite rises with its temperature, as a share; makers and bench:
-#: 2e-4 to 1e-3.
-LEAST_SLOPE_1_K, MOST_SLOPE_1_K = 2e-4, 1e-3
 #: So near to the hottest that is aimed at, the balance has come to its limit.
 AT_LIMIT_K = 1.0
-#: Contracting takes a tenth or more off a wire's resistance: one that shows more than this share less than it has shown
-#: before may have contracted, whatever its calibration says.  Readings at the bias scatter by a tenth of it.
-FALLS = 0.01
 #: A wire rests with power that warms it by no more than this, at its least heat loss: what `init` writes as bias, 8 K.
 REST_K = 10.0
 #: After so many of the longest time constants that it may have, a wire that rests is cold: 3 K are left of the hottest.
@@ -62,10 +62,6 @@ LATENT_K = 40.0
 #: transforms may be at 150 °C for all that is known; with less than 0.83 it would never be let warmer than it is,
 #: however cold that is.  With 0.9 it warms by a twelfth every LOSING_TIMES, until its resistance says that it is hot.
 SUDDENLY = 0.9
-#: Temperatures by the heat balance rest on a heat capacity that nobody measured: above the surroundings they may be so
-#: many times higher.  Wires of one alloy have 0.85 to 1.2 of the usual; by geometry, a wire that hangs vertically loses
-#: a fifth less than one that lies.
-CAPACITY_WITHIN = 1.25
 #: The margin of a wire that by its resistance has not contracted: half of a heat loss that is known so well.  What more
 #: there is, is for a fan that stops while a contracted one is held hot.  It is no less, since another wire in its place
 #: may show more.
@@ -225,17 +221,26 @@ SHOWN_COLD = 3
 
 @jit
 def keep_cold(
-    state: Floats, first: int, shown_Ohm: float, times: float, rests: bool, at_most_C: float, transformed_C: float
+    state: Floats,
+    first: int,
+    shown_Ohm: float,
+    times: float,
+    rests: bool,
+    is_cold: bool,
+    at_most_C: float,
+    transformed_C: float,
 ) -> None:
     """Keep what a wire shows cold, and the most since it certainly had not contracted.
 
-    Only time says when it is cold: resistance that stands does not, for what cooling takes off austenite's a little
-    martensite brings back.  It has not contracted where it shows as much again, no hotter than it transforms at, and
-    has shown no less since: hotter austenite shows as much as a wire that rests half contracted in a warm room.
+    Time says when it is cold.  Resistance that stands does not, for what cooling takes off austenite's a little
+    martensite brings back; but where it stands at what this wire was known to show cold.  It has not contracted where
+    it shows as much again, no hotter than it transforms at, and has shown no less since: hotter austenite shows as much
+    as a wire that rests half contracted in a warm room.
 
     ``shown_Ohm``: smooth, NaN where none was measured; ``times``: how long this step was, in the longest time constants
-    that the wire may have; ``rests``: no current flows, or the bias alone.  What is remembered begins at the ``first``
-    of ``state`` (:func:`begin_cold`).
+    that the wire may have; ``rests``: no current flows, or the bias alone; ``is_cold``: it is no hotter than this wire
+    is as it begins to return, and shows what that shows cold.  What is remembered begins at the ``first`` of ``state``
+    (:func:`begin_cold`).
     """
     if not rests:
         state[first + _RESTED_times] = 0.0
@@ -243,7 +248,7 @@ def keep_cold(
         state[first + _RESTED_times] += times
     if not isfinite(shown_Ohm):
         return
-    if state[first + _RESTED_times] >= COLD_TIMES:
+    if rests and (is_cold or state[first + _RESTED_times] >= COLD_TIMES):
         state[first + _COLD_Ohm] = shown_Ohm
     most_Ohm = state[first + _MOST_Ohm]
     if not shown_Ohm < (1.0 - FALLS) * most_Ohm:
@@ -258,58 +263,6 @@ def keep_cold(
 def begin_cold(state: Floats, first: int) -> None:
     """Nothing is known yet."""
     state[first + _COLD_Ohm] = state[first + _MOST_Ohm] = inf
-
-
-def most_contracted_Ohm(hot_end: HotEndSection, temperature_C: float) -> float:
-    """The most resistance that a contracted wire shows up to a temperature, whatever its load; ∞ where nobody knows."""
-    if not hot_end.contracted_resistance or not math.isfinite(hot_end.contracted_temperature):
-        return math.inf
-    hotter_K = max(temperature_C - hot_end.contracted_temperature, 0.0)
-    return max(hot_end.contracted_resistance) * (1.0 + MOST_SLOPE_1_K * hotter_K)
-
-
-def least_slope_1_K(hot_end: HotEndSection) -> float:
-    """The least by which the resistance of this wire's austenite rises with its temperature, as a share [1/K].
-
-    What was seen of it, less what is not known of the scale of temperature, and as much for another wire of its kind.
-    """
-    if not (hot_end.contracted_resistance and isfinite(hot_end.contracted_slope)):
-        return LEAST_SLOPE_1_K
-    slope_1_K = hot_end.contracted_slope / max(hot_end.contracted_resistance)
-    return min(max(slope_1_K / CAPACITY_WITHIN**2, LEAST_SLOPE_1_K), MOST_SLOPE_1_K)
-
-
-def returns_at_C(calibration: Calibration, parameters: ThermalParameters, stress_Pa: float) -> float:
-    """The temperature at which this wire, cooling, was back at ``cooling_position``; NaN where nobody knows."""
-    then_C = calibration.usual_ambient_C(parameters.ambient_temperature)
-    return then_C + calibration.hot_end.cooling_rise_K(stress_Pa)
-
-
-class Transforms:
-    """The highest temperature at which this wire, heated, has transformed as far as its resistance says."""
-
-    def __init__(self, calibration: Calibration, parameters: ThermalParameters):
-        hot_end, rest, power = calibration.hot_end, calibration.rest, calibration.power
-        self.then_C = calibration.usual_ambient_C(parameters.ambient_temperature)
-        self.row, self.shift_K_Pa = floats(0), nan  #: nobody knows
-        self.slope_1_K = least_slope_1_K(hot_end)
-        if calibration.transformation_known and hot_end.contracted_resistance and rest.cold_resistance:
-            self.shift_K_Pa = power.transformation_shift[1]
-            self.row = row_of(
-                (hot_end.contracted_stress, hot_end.contracted_resistance),
-                (rest.cold_stress, rest.cold_resistance),
-                power.heating,
-            )
-
-
-@jit
-def transforms_at_C(row: Floats, resistance_Ohm: float, stress_Pa: float, shift_K_Pa: float, then_C: float) -> float:
-    """That temperature [°C] at a stress, with what :class:`Transforms` has for it; ∞ where nobody knows."""
-    if not len(row):
-        return inf
-    _, by_balance_C = share_and_heating_C(row, resistance_Ohm, stress_Pa, shift_K_Pa)
-    highest_C = then_C + CAPACITY_WITHIN * (by_balance_C - then_C)
-    return highest_C if isfinite(highest_C) else inf
 
 
 #: What of shown loss is remembered: the power and the rise, both smooth.
@@ -387,7 +340,7 @@ def _heat_step(
     wire_W: float,
     transforms: Floats,
     stress_Pa: float,
-    shift_K_Pa: float,
+    shifts_K_Pa: tuple[float, float],
     then_C: float,
     slope_1_K: float,
     capacity_J_K: float,
@@ -404,9 +357,8 @@ def _heat_step(
         margin = min(margin, NOT_CONTRACTED_MARGIN)
     longest_s = capacity_J_K * margin / loss_W_K
     settled_C, same_load = ambient_C + power_W * margin / loss_W_K, not _is_other(load_N, state[_BY_ITSELF + _LOAD_N])
-    falls_C = cooling_C(
-        state, _COOLING, resistance_Ohm, same_load, dt_s, settled_C, longest_s, slope_1_K, transformed_C
-    )
+    returns_C = min(returns_at_most_C(transforms, stress_Pa, shifts_K_Pa[0], then_C), transformed_C)
+    falls_C = cooling_C(state, _COOLING, resistance_Ohm, same_load, dt_s, settled_C, longest_s, slope_1_K, returns_C)
     at_most_C = min(_after_C(most_C, power_W, dt_s, ambient_C, capacity_J_K, loss_W_K / margin), falls_C)
     # Another wire in its place may show more contracted, but not as much as itself before.
     transforms_Ohm = max(contracted_Ohm, (1.0 - FALLS) * state[_COLD + _MOST_Ohm])
@@ -414,7 +366,7 @@ def _heat_step(
         state, _BY_ITSELF, resistance_Ohm, load_N, dt_s, at_most_C, transformed_C, transforms_Ohm, slope_1_K
     )
     # Where the heat balance calls it hotter than it is known to transform at, one of them errs: the hotter counts.
-    transforms_C = transforms_at_C(transforms, resistance_Ohm, stress_Pa, shift_K_Pa, then_C)
+    transforms_C = transforms_at_C(transforms, resistance_Ohm, stress_Pa, shifts_K_Pa[1], then_C)
     own_C = min(transformed_C, max(transforms_C, likely_C))
     own_C = hottest_C(state, _BY_ITS_OWN, resistance_Ohm, load_N, dt_s, at_most_C, own_C, transforms_Ohm, slope_1_K)
     most_C = min(at_most_C, shown_C, own_C)
@@ -422,10 +374,12 @@ def _heat_step(
     shown_Ohm, rests = state[_BY_ITSELF + _SHOWN_Ohm], cools or power_W * margin <= REST_K * loss_W_K
     times = dt_s / longest_s
     measured_Ohm = shown_Ohm if isfinite(resistance_Ohm) else nan
-    keep_cold(state, _COLD, measured_Ohm, times, rests, at_most_C, transformed_C)
+    is_cold = at_most_C <= returns_C < transformed_C and shows_cold(transforms, shown_Ohm, stress_Pa)
+    keep_cold(state, _COLD, measured_Ohm, times, rests, is_cold, at_most_C, transformed_C)
     at_its_limit = most_C > max_C - HEADROOM_K - AT_LIMIT_K and at_most_C < shown_C
-    not_seen_cold = until_cold and state[_COLD + _COLD_Ohm] == inf
-    cools = (cools or at_its_limit) and (most_C >= transformed_C or not_seen_cold)
+    is_new = state[_COLD + _COLD_Ohm] == inf
+    transforms_below_C = returns_C if is_new else transformed_C
+    cools = (cools or at_its_limit) and (most_C >= transforms_below_C or (until_cold and is_new))
     shown_W_K = shown_loss_W_K(state, _SHOWN, wire_W, dt_s, most_C - coldest_C, capacity_J_K, loss_W_K)
     if turned(state, _TURNED, load_N, dt_s) > MOST_TURNS:
         shown_W_K = 0.0
@@ -497,7 +451,7 @@ class WireHeat:
             wire_W,
             self.transforms.row,
             stress_Pa,
-            self.transforms.shift_K_Pa,
+            self.transforms.shifts_K_Pa,
             self.transforms.then_C,
             self.transforms.slope_1_K,
             parameters.heat_capacity,

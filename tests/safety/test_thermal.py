@@ -10,12 +10,8 @@ from sma_actuator.base.calibration import Calibration, HotEndSection, PowerSecti
 from sma_actuator.base.jit import floats
 from sma_actuator.config import Config
 from sma_actuator.safety.thermal import (
-    CAPACITY_WITHIN,
     COLD_TIMES,
-    FALLS,
     LATENT_K,
-    LEAST_SLOPE_1_K,
-    MOST_SLOPE_1_K,
     NOT_CONTRACTED_MARGIN,
     SHOWN_COLD,
     SHOWN_LOSS,
@@ -24,18 +20,15 @@ from sma_actuator.safety.thermal import (
     AMBIENT_FALL_K_s,
     HeatBalance,
     LONG_AGO_s,
-    Transforms,
     WireHeat,
     begin_cold,
     begin_thermometer,
     derated_limit_A,
     hottest_C,
     keep_cold,
-    least_slope_1_K,
-    most_contracted_Ohm,
     shown_loss_W_K,
-    transforms_at_C,
 )
+from sma_actuator.safety.transformed import CAPACITY_WITHIN, FALLS, LEAST_SLOPE_1_K, Transforms
 
 
 @pytest.fixture
@@ -375,8 +368,8 @@ class TestWhatAWireShowsCold:
         state = floats(SHOWN_COLD)
         begin_cold(state, 0)
 
-        def once(shown_Ohm, times=0.01, rests=True, at_most_C=40.0):
-            keep_cold(state, 0, shown_Ohm, times, rests, at_most_C, 150.0)
+        def once(shown_Ohm, times=0.01, rests=True, at_most_C=40.0, is_cold=False):
+            keep_cold(state, 0, shown_Ohm, times, rests, is_cold, at_most_C, 150.0)
             return tuple(state[:2])
 
         return once
@@ -385,6 +378,10 @@ class TestWhatAWireShowsCold:
         assert look(5.0, COLD_TIMES - 0.1) == (math.inf, math.inf)
         assert look(5.2, 0.2) == (5.2, 5.2)
         assert look(5.3) == (5.3, 5.3), "martensite comes back for a while"
+
+    def test_is_seen_at_once_where_it_shows_what_it_was_known_to_show_cold(self, look):
+        assert look(5.0, rests=False, is_cold=True)[0] == math.inf, "it is being heated"
+        assert look(5.0, is_cold=True) == (5.0, 5.0)
 
     def test_current_begins_it_anew(self, look):
         look(5.0, COLD_TIMES - 0.1)
@@ -412,16 +409,6 @@ class TestWhatAWireShowsCold:
         assert look(5.0, rests=False, at_most_C=150.0)[1] == math.inf, "it may be hot austenite"
         assert look(4.9, rests=False, at_most_C=149.0)[1] == math.inf
         assert look(4.96, rests=False, at_most_C=149.0)[1] == 4.96
-
-
-@pytest.mark.parametrize(
-    "slope_Ohm_K, shown_1_K",
-    [(2e-3, 5e-4 / CAPACITY_WITHIN**2), (1e-4, LEAST_SLOPE_1_K), (1.0, MOST_SLOPE_1_K), (math.nan, LEAST_SLOPE_1_K)],
-    ids=["as seen, less what is not known of it", "no wire shows less", "nor more", "nobody saw it"],
-)
-def test_austenite_rises_by_what_was_seen_of_this_wire(slope_Ohm_K, shown_1_K):
-    hot_end = HotEndSection(contracted_resistance=(3.9, 4.0), contracted_slope=slope_Ohm_K)
-    assert least_slope_1_K(hot_end) == pytest.approx(shown_1_K)
 
 
 class TestAnotherWireInThePlaceOfTheCalibratedOne:
@@ -530,51 +517,6 @@ class TestOwnThermometer:
             parameters, self.LOSES_W_K * 80.0, 110.0, 40.0, lambda s: 4.5 * (1.0 + LEAST_SLOPE_1_K * max(s - 20.0, 0.0))
         )
         assert rising.at_most_C == pytest.approx(130.0, abs=0.5)
-
-
-def transforms_C(calibration, parameters, resistance_Ohm, stress_Pa):
-    """As the kernel of the heat balance asks it."""
-    known = Transforms(calibration, parameters)
-    return transforms_at_C(known.row, resistance_Ohm, stress_Pa, known.shift_K_Pa, known.then_C)
-
-
-class TestTransformsAt:
-    @pytest.fixture
-    def calibration(self):
-        return CALIBRATION
-
-    @pytest.mark.parametrize(
-        ("resistance_Ohm", "by_balance_C"), [(4.0, 90.0), (4.5, 80.0), (5.0, 70.0), (3.0, 90.0), (6.0, 70.0)]
-    )
-    def test_it_is_the_heating_wire_s_temperature_and_what_the_heat_capacity_may_be_off(
-        self, parameters, calibration, resistance_Ohm, by_balance_C
-    ):
-        found_C = transforms_C(calibration, parameters, resistance_Ohm, 1e8)
-        assert found_C == pytest.approx(20.0 + CAPACITY_WITHIN * (by_balance_C - 20.0))
-
-    def test_half_way_between_the_resistances_is_half_way(self, parameters, calibration):
-        other = replace(calibration, rest=replace(calibration.rest, cold_resistance=(7.0,)))
-        assert transforms_C(other, parameters, 5.5, 1e8) == pytest.approx(20.0 + CAPACITY_WITHIN * 60.0)
-
-    def test_without_the_surroundings_of_then_those_of_the_parameters_are_taken(self, parameters, calibration):
-        found_C = transforms_C(replace(calibration, ambient_temperature=math.nan), parameters, 4.0, 1e8)
-        assert found_C == pytest.approx(24.0 + CAPACITY_WITHIN * 66.0)
-
-    @pytest.mark.parametrize("resistance_Ohm", [math.nan])
-    def test_without_a_resistance_nobody_knows(self, parameters, calibration, resistance_Ohm):
-        assert transforms_C(calibration, parameters, resistance_Ohm, 1e8) == math.inf
-
-    def test_nor_without_a_calibration_or_with_one_whose_resistance_tells_nothing(self, parameters, calibration):
-        assert transforms_C(Calibration(), parameters, 4.5, 1e8) == math.inf
-        for unknown in (
-            replace(calibration, power=PowerSection()),
-            replace(calibration, rest=replace(calibration.rest, cold_resistance=())),
-        ):
-            assert transforms_C(unknown, parameters, 4.5, 1e8) == math.inf
-        half = replace(calibration, hot_end=replace(calibration.hot_end, contracted_resistance=()))
-        assert transforms_C(half, parameters, 4.5, 1e8) == math.inf
-        flat = replace(calibration, rest=replace(calibration.rest, cold_resistance=(4.0,)))
-        assert [transforms_C(flat, parameters, resistance_Ohm, 1e8) for resistance_Ohm in (4.0, 4.5)] == 2 * [math.inf]
 
 
 def test_a_wire_that_shows_what_it_loses_is_left_more_power_and_no_more_than_is_safe(parameters):
@@ -688,20 +630,3 @@ class TestTheMarginOfAWireThatHasNotContracted:
         for _ in range(2000):
             heat.step(0.05, 0.05, math.nan, parameters, 4.6, 1.0, just_contracted_Ohm=4.55)
         assert heat.at_most_C == pytest.approx(parameters.ambient_temperature + 0.05 * 1.5 / 0.005, abs=0.1)
-
-
-class TestTheMostThatAContractedWireShows:
-    """At 200 °C, of one that showed 4.4 Ω at 90 °C: its resistance rises by a thousandth a kelvin at most."""
-
-    @pytest.fixture
-    def at_most(self, config):
-        return lambda **known: most_contracted_Ohm(replace(config.calibration.hot_end, **known), 200.0)
-
-    @pytest.mark.parametrize(("temperature_C", "times"), [(90.0, 1.0 + MOST_SLOPE_1_K * 110.0), (210.0, 1.0)])
-    def test_it_follows_from_the_largest_of_any_load(self, at_most, temperature_C, times):
-        shown_Ohm = at_most(contracted_resistance=(4.3, 4.4, 4.2), contracted_temperature=temperature_C)
-        assert shown_Ohm == pytest.approx(times * 4.4)
-
-    @pytest.mark.parametrize("known", [{}, {"contracted_resistance": (4.4,)}, {"contracted_temperature": 90.0}])
-    def test_where_nobody_knows_it_may_be_any(self, at_most, known):
-        assert at_most(**known) == math.inf
