@@ -7,6 +7,7 @@ tells displacement, and a wire that has not cooled so far cannot have gone back.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import nan
 
 import numpy as np
 
@@ -61,7 +62,8 @@ def _contracted(experiments: Sequence[Experiment], config: Config) -> dict:
 
     Not while it is heated: the balance leaves latent heat out, so right after the transformation it is hot by what
     that took, and forgets it in a few time constants.  A quick wire cools in too few readings, and is
-    heated on a ramp: of that count those since it has forgotten.
+    heated: of that count those since it has forgotten.  What stands tells where it ends, and not how its resistance
+    rises.
     """
     still_m = STILL_SHARE * config.wire.full_stroke_m
     forgets_s = FORGETS * config.thermal.balance.time_constant_s
@@ -83,15 +85,19 @@ def _contracted(experiments: Sequence[Experiment], config: Config) -> dict:
                 continue
             hot = slice(off - _how_many(heated[:off][::-1]), off)
             still = values[hot][good[hot] & (time_s[hot] > time_s[hot.start] + forgets_s)]
-            if len(still) >= FEWEST and np.ptp(still[:, 3]) >= SPANS_K:
+            if len(still) >= FEWEST:
                 rows.append(still)
     if not rows:
         return {}
-    x, y = (np.concatenate([r[:, k] - r[:, k].mean() for r in rows]) for k in (3, 1))
-    slope_Ohm_K = float(x @ y / (x @ x))
+    tell = [r for r in rows if np.ptp(r[:, 3]) >= SPANS_K]
+    slope_Ohm_K = nan
+    if tell:
+        x, y = (np.concatenate([r[:, k] - r[:, k].mean() for r in tell]) for k in (3, 1))
+        slope_Ohm_K = float(x @ y / (x @ x))
     means = np.array([r.mean(axis=0) for r in rows])
     reference_C = float(np.median(means[:, 3]))
-    means[:, 1] += slope_Ohm_K * (reference_C - means[:, 3])
+    if tell:
+        means[:, 1] += slope_Ohm_K * (reference_C - means[:, 3])
     stress_Pa = clusters(means[:, 0])
     nearest = np.argmin(np.abs(means[:, :1] - stress_Pa), axis=1)
     middle = np.array([np.median(means[nearest == i], axis=0) for i in range(len(stress_Pa))])

@@ -1,6 +1,7 @@
 """What identify writes down with a model: its error place by place, and what a resting wire shows."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from sma_actuator.config import Config, bench_from_mapping
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import identify
 from sma_actuator.logs.experiments import make_experiment
-from sma_actuator.logs.kinds import make_experiments
+from sma_actuator.logs.kinds import FULL, make_experiments
 from sma_actuator.plant.loads import Weight
 
 
@@ -133,6 +134,22 @@ def test_a_wire_that_cools_in_few_readings_is_seen_contracted_while_it_is_ramped
     warmer_K = ramped.contracted_temperature - cooling.contracted_temperature
     assert abs(warmer_K) > 5.0
     assert ramped_Ohm - cooling_Ohm == pytest.approx(ramped.contracted_slope * warmer_K, abs=0.01)
+
+
+def test_one_that_is_held_there_shows_where_it_ends_and_not_how_its_resistance_rises(identified):
+    """A wire of 76 µm in still air: four readings of its cooling, and at the end of a pulse it stands within 2 K."""
+    config = Config.from_mapping(identified[1].mapping)
+    _, rig, _ = virtual_rig("flexinol", seed=3, load=Weight(0.98))
+    with rig.opened():
+        log = rig.record(square_pulses(2, 0.38, 0.05, 60.0, 12.0))
+    slow = dataclasses.replace(log, columns={name: column[::6] for name, column in log.columns.items()})
+    seen = ([dataclasses.replace(t, kind=FULL) for t in make_experiments([each], config)] for each in (log, slow))
+    cooling, held = (hot_end.learn(each, config) for each in seen)
+    assert math.isfinite(cooling.contracted_slope) and math.isnan(held.contracted_slope)
+    warmer_K = held.contracted_temperature - cooling.contracted_temperature
+    expected_Ohm = cooling.contracted_resistance[0] + cooling.contracted_slope * warmer_K
+    assert held.contracted_resistance[0] == pytest.approx(expected_Ohm, abs=0.01)
+    assert held.contracted_displacement == pytest.approx(cooling.contracted_displacement, abs=1e-4)
 
 
 def test_two_light_weights_are_two_stresses():
