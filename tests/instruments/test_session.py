@@ -8,11 +8,19 @@ import socket
 import threading
 import time
 import tty
+from unittest.mock import Mock
 
 import pytest
 import pyvisa
 
-from sma_actuator.instruments import InstrumentLost, InstrumentRefused, InstrumentUnreachable, byte_streams
+from sma_actuator.base.parameters import ConfigError
+from sma_actuator.instruments import (
+    InstrumentLate,
+    InstrumentLost,
+    InstrumentRefused,
+    InstrumentUnreachable,
+    byte_streams,
+)
 from sma_actuator.instruments import session as session_module
 from sma_actuator.instruments.byte_streams import Manner, SocketStream
 from sma_actuator.instruments.patterns import Pattern
@@ -208,7 +216,8 @@ def test_a_greeting_of_two_lines_is_not_taken_for_the_answers_to_the_off_lines(p
     session._timeout_s = PATIENT_s
     peer.connection.sendall(b"\nport 3 ready\n")
     peer.answer(b"MAKER,1\n")
-    with pytest.raises(InstrumentLost, match=r"said '; port 3 ready' without being asked: .* a port for people"):
+    said = r"said '; port 3 ready' without being asked: .* a port for people.* as to 'CURR 0' before, put .*: '' into"
+    with pytest.raises(InstrumentLost, match=said):
         session.introduce("*IDN?", Pattern("MAKER", whole=False))
 
 
@@ -218,6 +227,39 @@ def test_one_that_answers_its_off_lines_is_left_switched_off(peer, session):
     with pytest.raises(InstrumentRefused, match=r"it answers commands \('OK' to 'OUTP OFF'\): put"):
         session.introduce("*IDN?", Pattern("MAKER", whole=False))
     assert peer.read_to_the_end().endswith(b"OUTP OFF\nCURR 0\n")
+
+
+def test_one_whose_only_off_line_is_answered_is_told_by_which_word(peer):
+    session = Session("supply", peer.resource, Manner(), PATIENT_s, ["OUTP OFF"])
+    session.open()
+    peer.accept()
+    peer.answer(b"OK\nMAKER,1\n")
+    said = r"it answers commands \('OK' to 'OUTP OFF'\): put acknowledgement: 'OK' into its dialect"
+    with pytest.raises(InstrumentRefused, match=said):
+        session.introduce("*IDN?", Pattern("MAKER", whole=False))
+
+
+def test_one_that_greets_and_repeats_what_it_hears_is_said_to_repeat_it(peer, session):
+    session._timeout_s = PATIENT_s
+    peer.answer(b"Welcome\n*IDN?\n")
+    with pytest.raises(InstrumentLost, match=r"repeats what it is asked, '\*IDN\?'"):
+        session.introduce("*IDN?", Pattern("MAKER", whole=False))
+
+
+def test_who_has_said_its_name_is_not_taken_for_one_that_answers_its_off_lines(peer, session):
+    session._timeout_s = PATIENT_s
+    peer.answer(b"MAKER,1\n")
+    assert session.introduce("*IDN?", Pattern("MAKER", whole=False)) == "MAKER,1"
+    peer.connection.sendall(b"2\n")
+    assert select.select([session._stream._socket], [], [], 10.0)[0]
+    with pytest.raises(InstrumentLost, match="said '2' without being asked: its answers and our .* are out of step$"):
+        session.ask("OUTP?")
+
+
+def test_who_shares_a_line_speaks_in_one_manner(session):
+    session.must_fit(Manner())
+    with pytest.raises(ConfigError, match=r"has the same resource as instruments\.supply"):
+        session.must_fit(Manner(pause_s=1.0))
 
 
 def test_of_several_lines_of_which_none_is_its_name_the_first_is_its_answer(peer):
@@ -237,7 +279,7 @@ def test_what_comes_unasked_later_is_no_greeting(peer, session):
         peer.connection.sendall(b"2\n")
         assert select.select([session._stream._socket], [], [], 10.0)[0]
         with pytest.raises(
-            InstrumentLost, match="said '2' without being asked: its answers and our questions are out of"
+            InstrumentLost, match="said '2' without being asked: its answers and our questions are out of step$"
         ):
             session.ask("OUTP?")
         session.open()
@@ -412,6 +454,98 @@ def test_a_transaction_has_one_deadline_for_all_its_questions(peer, session):
     assert session.ask("VOLT?") == "1", "it ends with the transaction"
 
 
+def test_the_answers_of_a_transaction_before_one_that_does_not_come_are_counted(peer, session):
+    peer.answer(b"1\n")
+    with session.within(), pytest.raises(InstrumentLost, match="; with the 1 answers before it that took"):
+        assert session.ask("OUTP?") == "1"
+        session.ask("CURR?")
+
+
+def test_before_the_first_question_of_a_transaction_nothing_was_answered(session):
+    with session.within(), pytest.raises(InstrumentLost, match="no complete answer to 'OUTP\\?'") as lost:
+        session.ask("OUTP?")
+    assert "answers before it" not in str(lost.value)
+
+
+def test_a_late_answer_is_waited_for_as_long_as_it_may_take_and_no_longer(peer):
+    session = Session("supply", peer.resource, Manner(), PATIENT_s)
+    session.open()
+    peer.accept()
+    session.patience_s = TIMEOUT_s
+    with session.within(0.01), pytest.raises(InstrumentLate):
+        session.ask("OUTP?")
+    began_s = time.monotonic()
+    with pytest.raises(InstrumentLost, match=f"no complete answer to 'OUTP\\?', {TIMEOUT_s:g} s after it was asked"):
+        session.ask("OUTP?")
+    assert time.monotonic() - began_s < TIMEOUT_s + SLACK_s
+
+
+def test_a_late_answer_is_heard_once_though_there_is_no_time_left_for_the_next_question(peer, session, monkeypatch):
+    session.patience_s = PATIENT_s
+    with pytest.raises(InstrumentLate):
+        session.ask("OUTP?")
+    heard = b""
+    while b"OUTP?\n" not in heard:
+        heard += peer.connection.recv(4096)
+    peer.connection.sendall(b"1\n")
+    with monkeypatch.context() as patched, pytest.raises(InstrumentLate, match="no time"):
+        patched.setattr(session, "_put", Mock(side_effect=InstrumentLate("no time", 0.0)))
+        session.ask("OUTP?")
+    peer.answer(b"0\n")
+    assert session.ask("OUTP?") == "0"
+
+
+def test_of_lines_whose_acknowledgement_does_not_come_the_first_is_named(peer):
+    session = Session("supply", peer.resource, Manner(acknowledgement=Pattern("OK")), TIMEOUT_s, ["OUTP OFF", "CURR 0"])
+    session.open()
+    peer.accept()
+    with pytest.raises(InstrumentLost, match="no complete answer to 'OUTP OFF', where acknowledgement 'OK' was wanted"):
+        session.ask("OUTP?")
+
+
+def test_one_that_refuses_a_command_is_left_switched_off(peer):
+    session = Session("supply", peer.resource, Manner(acknowledgement=Pattern("OK")), PATIENT_s, ["OUTP OFF"])
+    session.open()
+    connection = peer.accept()
+
+    def refuse():
+        connection.sendall(b"OK\n")
+        heard = b""
+        while b"OUTP ON\n" not in heard:
+            heard += connection.recv(4096)
+        connection.sendall(b"ERR\n")
+
+    thread = threading.Thread(target=refuse)
+    thread.start()
+    with pytest.raises(InstrumentRefused, match="answered 'ERR' to 'OUTP ON'"):
+        session.tell("OUTP ON")
+    thread.join(PATIENT_s)
+    assert peer.read_to_the_end() == b"OUTP OFF\n"
+
+
+def test_the_pause_before_the_next_command_is_counted_from_the_answer(peer):
+    pause_s = 0.2
+    session = Session("supply", peer.resource, Manner(pause_s=pause_s), PATIENT_s)
+    session.open()
+    connection, times_s = peer.accept(), []
+
+    def answer():
+        connection.recv(4096)
+        time.sleep(1.5 * pause_s)  # as one that measures for so long
+        times_s.append(time.monotonic())
+        connection.sendall(b"1.5\n")
+        connection.recv(4096)
+        times_s.append(time.monotonic())
+
+    thread = threading.Thread(target=answer)
+    thread.start()
+    assert session.ask("CURR?") == "1.5"
+    session.tell("CURR 1")
+    thread.join(PATIENT_s)
+    session.close()
+    assert times_s[1] - times_s[0] >= pause_s
+
+
 def test_a_host_that_does_not_answer_is_given_up_in_time():
     # A listener whose queue is full drops what comes: nobody answers, as at an address without a host.
     server = socket.create_server(("127.0.0.1", 0), backlog=0)
@@ -567,6 +701,14 @@ def test_a_host_of_two_kinds_of_addresses_is_claimed_by_that_which_most_have(pee
 )
 def test_what_has_no_address_is_claimed_by_its_name(resource):
     one, other = (Session("supply", resource, Manner(), TIMEOUT_s) for _ in range(2))
+    claim = one.claim("why")
+    with pytest.raises(InstrumentRefused, match="another program on this computer"):
+        other.claim("why")
+    claim.release()
+
+
+def test_a_serial_port_without_a_path_is_claimed_in_capitals_or_not():
+    one, other = (Session("supply", f"ASRL{port}::INSTR", Manner(), TIMEOUT_s) for port in ("COM3", "com3"))
     claim = one.claim("why")
     with pytest.raises(InstrumentRefused, match="another program on this computer"):
         other.claim("why")
