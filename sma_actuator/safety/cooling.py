@@ -22,6 +22,10 @@ ANEW = 0.25
 #: Where its power would leave it so much colder than before, a wire begins to cool, and it is looked anew too.
 LESS_K = 10.0
 
+#: A cold wire's resistance rises by no more, warmed by its bias: by 10 K in 2 s or slower, at 1e-3 a kelvin.  One that
+#: transforms rises ten times as fast.
+WARMS_1_s = 5e-3
+
 #: What is remembered of a look: its first resistance, how long ago that was, and the hottest that the power since would
 #: leave the wire; how many readings there are, and their sums of what the resistance rose by as a share, y, and of the
 #: time t.
@@ -45,13 +49,15 @@ def cooling_C(
     longest_s: float,
     slope_1_K: float,
     returns_C: float,
+    shows_cold: bool,
 ) -> float:
     """How hot a wire can be at most [°C] by its resistance as it cools; ∞ where that does not tell, or not yet.
 
     ``settles_C``: the hottest that its power would leave it in the end; ``longest_s``: the longest time constant that
     it may have; ``slope_1_K``: the least by which the resistance of its austenite rises, as a share;
-    ``returns_C``: the highest at which it begins to transform as it cools.  What is remembered begins at the ``first``
-    of ``state`` (:func:`begin_cooling`).
+    ``returns_C``: the highest at which it begins to transform as it cools; ``shows_cold``: it shows what it is known to
+    show cold: then one that stands does not transform, which takes its resistance elsewhere.  What is remembered begins
+    at the ``first`` of ``state`` (:func:`begin_cooling`).
     """
     since_s = state[first + _SINCE_s] + dt_s
     if not (same_load and since_s <= ANEW * longest_s and settles_C > state[first + _SETTLES_C] - LESS_K):
@@ -83,5 +89,6 @@ def cooling_C(
     left = state[first + _YY] - state[first + _Y] ** 2 / count - rises_1_s * shared
     scatter = sqrt(max(left / (count - 2.0), SCATTER * SCATTER))
     # One whose resistance rises is being heated, or transforms: it may be as hot as its power leaves it.
-    falls_1_s = max(SURELY * scatter / sqrt(spread_s2) - rises_1_s, 0.0)
-    return max(state[first + _SETTLES_C] + falls_1_s * longest_s / slope_1_K, returns_C)
+    unsure_1_s = SURELY * scatter / sqrt(spread_s2)
+    hottest_C = state[first + _SETTLES_C] + max(unsure_1_s - rises_1_s, 0.0) * longest_s / slope_1_K
+    return hottest_C if shows_cold and rises_1_s < WARMS_1_s else max(hottest_C, returns_C)

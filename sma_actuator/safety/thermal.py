@@ -30,13 +30,15 @@ from sma_actuator.base.calibration import Calibration
 from sma_actuator.base.jit import Floats, floats, jit
 from sma_actuator.base.sections import ThermalParameters
 
-from .cooling import COOLING, begin_cooling, cooling_C
+from .cooling import ANEW, COOLING, begin_cooling, cooling_C
 from .transformed import (
     CAPACITY_WITHIN,
     FALLS,
     Transforms,
+    contracted_Ohm,
     returns_at_most_C,
     shows_cold,
+    shows_cold_no_more,
     transforms_at_C,
 )
 
@@ -214,9 +216,10 @@ def begin_thermometer(state: Floats, first: int) -> None:
 
 
 #: What is remembered of the cold: what a wire showed when it last was; the most since it certainly had not contracted,
-#: ∞ where it may have; and how long it has rested, in the longest time constants that it may have.
-_COLD_Ohm, _MOST_Ohm, _RESTED_times = range(3)
-SHOWN_COLD = 3
+#: ∞ where it may have; how long it has rested, in the longest time constants that it may have; and whether it is the
+#: calibrated wire: it may be (0), it is (1), or it was heated before that was known (-1).
+_COLD_Ohm, _MOST_Ohm, _RESTED_times, _IS_IT = range(4)
+SHOWN_COLD = 4
 
 
 @jit
@@ -233,9 +236,10 @@ def keep_cold(
     """Keep what a wire shows cold, and the most since it certainly had not contracted.
 
     Time says when it is cold.  Resistance that stands does not, for what cooling takes off austenite's a little
-    martensite brings back; but where it stands at what this wire was known to show cold.  It has not contracted where
-    it shows as much again, no hotter than it transforms at, and has shown no less since: hotter austenite shows as much
-    as a wire that rests half contracted in a warm room.
+    martensite brings back; but where it stands at what this wire was known to show cold, at the beginning, before it
+    is heated: another wire shows as much contracted.  It has not contracted where it shows as much again, no hotter
+    than it transforms at, and has shown no less since: hotter austenite shows as much as a wire that rests half
+    contracted in a warm room.
 
     ``shown_Ohm``: smooth, NaN where none was measured; ``times``: how long this step was, in the longest time constants
     that the wire may have; ``rests``: no current flows, or the bias alone; ``is_cold``: it is no hotter than this wire
@@ -248,8 +252,11 @@ def keep_cold(
         state[first + _RESTED_times] += times
     if not isfinite(shown_Ohm):
         return
+    is_cold = is_cold and state[first + _IS_IT] >= 0.0
     if rests and (is_cold or state[first + _RESTED_times] >= COLD_TIMES):
         state[first + _COLD_Ohm] = shown_Ohm
+    if state[first + _IS_IT] == 0.0 and (is_cold or not rests):
+        state[first + _IS_IT] = 1.0 if is_cold and rests else -1.0
     most_Ohm = state[first + _MOST_Ohm]
     if not shown_Ohm < (1.0 - FALLS) * most_Ohm:
         most_Ohm = max(most_Ohm, shown_Ohm)
@@ -323,6 +330,54 @@ _COOLING = _COLD + SHOWN_COLD
 
 
 @jit
+def _transforms_Ohm(
+    state: Floats, row: Floats, just_contracted_Ohm: float, most_contracted_Ohm: float, hotter: float, stress_Pa: float
+) -> float:
+    """What a wire shows more than has not contracted; ``hotter``: how far it can be between the temperature where it
+    has just contracted (0) and the hottest (1).
+
+    Another wire in its place may show more contracted than the calibrated one, but not as much as itself before.
+    """
+    by_then_Ohm = just_contracted_Ohm + hotter * (most_contracted_Ohm - just_contracted_Ohm)
+    by_then_Ohm = contracted_Ohm(row, by_then_Ohm, most_contracted_Ohm, state[_COLD + _COLD_Ohm], stress_Pa)
+    return max(by_then_Ohm, (1.0 - FALLS) * state[_COLD + _MOST_Ohm])
+
+
+@jit
+def _shown_C(
+    state: Floats,
+    resistance_Ohm: float,
+    load_N: float,
+    dt_s: float,
+    at_most_C: float,
+    transformed_C: float,
+    own_C: float,
+    transforms_Ohm: float,
+    slope_1_K: float,
+) -> tuple[float, float]:
+    """What both thermometers say: of a wire that transforms below a temperature, and below this one's own.
+
+    Where the heat balance calls it hotter than it is known to transform at, one of them errs: the hotter counts.
+    """
+    own_C = min(own_C, transformed_C)
+    return (
+        hottest_C(state, _BY_ITSELF, resistance_Ohm, load_N, dt_s, at_most_C, transformed_C, transforms_Ohm, slope_1_K),
+        hottest_C(state, _BY_ITS_OWN, resistance_Ohm, load_N, dt_s, at_most_C, own_C, transforms_Ohm, slope_1_K),
+    )
+
+
+@jit
+def _is_told(
+    state: Floats, most_C: float, returns_C: float, transformed_C: float, alike: bool, until_cold: bool
+) -> bool:
+    """Whether one that is let cool need not be colder, to be told on its way from one that has contracted."""
+    is_new = state[_COLD + _COLD_Ohm] == inf
+    if (is_new and (alike or until_cold)) or (alike and state[_COLD + _RESTED_times] < ANEW):
+        return False
+    return most_C < (returns_C if is_new else transformed_C)
+
+
+@jit
 def _heat_step(
     state: Floats,
     likely_C: float,
@@ -335,7 +390,7 @@ def _heat_step(
     ambient_C: float,
     resistance_Ohm: float,
     load_N: float,
-    contracted_Ohm: float,
+    most_contracted_Ohm: float,
     just_contracted_Ohm: float,
     wire_W: float,
     transforms: Floats,
@@ -358,31 +413,30 @@ def _heat_step(
     longest_s = capacity_J_K * margin / loss_W_K
     settled_C, same_load = ambient_C + power_W * margin / loss_W_K, not _is_other(load_N, state[_BY_ITSELF + _LOAD_N])
     returns_C = min(returns_at_most_C(transforms, stress_Pa, shifts_K_Pa[0], then_C), transformed_C)
-    falls_C = cooling_C(state, _COOLING, resistance_Ohm, same_load, dt_s, settled_C, longest_s, slope_1_K, returns_C)
-    at_most_C = min(_after_C(most_C, power_W, dt_s, ambient_C, capacity_J_K, loss_W_K / margin), falls_C)
-    # Another wire in its place may show more contracted, but not as much as itself before.
-    transforms_Ohm = max(contracted_Ohm, (1.0 - FALLS) * state[_COLD + _MOST_Ohm])
-    shown_C = hottest_C(
-        state, _BY_ITSELF, resistance_Ohm, load_N, dt_s, at_most_C, transformed_C, transforms_Ohm, slope_1_K
+    cold_shown = state[_COLD + _IS_IT] >= 0.0 and shows_cold(transforms, state[_BY_ITSELF + _SHOWN_Ohm], stress_Pa)
+    falls_C = cooling_C(
+        state, _COOLING, resistance_Ohm, same_load, dt_s, settled_C, longest_s, slope_1_K, returns_C, cold_shown
     )
-    # Where the heat balance calls it hotter than it is known to transform at, one of them errs: the hotter counts.
-    transforms_C = transforms_at_C(transforms, resistance_Ohm, stress_Pa, shifts_K_Pa[1], then_C)
-    own_C = min(transformed_C, max(transforms_C, likely_C))
-    own_C = hottest_C(state, _BY_ITS_OWN, resistance_Ohm, load_N, dt_s, at_most_C, own_C, transforms_Ohm, slope_1_K)
-    most_C = min(at_most_C, shown_C, own_C)
-    likely_C = min(likely_C, shown_C)
+    at_most_C = min(_after_C(most_C, power_W, dt_s, ambient_C, capacity_J_K, loss_W_K / margin), falls_C)
+    hotter = min(max((at_most_C - transformed_C) / (max_C - transformed_C), 0.0), 1.0)
+    transforms_Ohm = _transforms_Ohm(state, transforms, just_contracted_Ohm, most_contracted_Ohm, hotter, stress_Pa)
+    own_C = max(transforms_at_C(transforms, resistance_Ohm, stress_Pa, shifts_K_Pa[1], then_C), likely_C)
+    shown_C, own_C = _shown_C(
+        state, resistance_Ohm, load_N, dt_s, at_most_C, transformed_C, own_C, transforms_Ohm, slope_1_K
+    )
+    most_C, likely_C = min(at_most_C, shown_C, own_C), min(likely_C, shown_C)
     shown_Ohm, rests = state[_BY_ITSELF + _SHOWN_Ohm], cools or power_W * margin <= REST_K * loss_W_K
-    times = dt_s / longest_s
+    is_cold = cold_shown and at_most_C <= returns_C < transformed_C
     measured_Ohm = shown_Ohm if isfinite(resistance_Ohm) else nan
-    is_cold = at_most_C <= returns_C < transformed_C and shows_cold(transforms, shown_Ohm, stress_Pa)
-    keep_cold(state, _COLD, measured_Ohm, times, rests, is_cold, at_most_C, transformed_C)
+    keep_cold(state, _COLD, measured_Ohm, dt_s / longest_s, rests, is_cold, at_most_C, transformed_C)
     at_its_limit = most_C > max_C - HEADROOM_K - AT_LIMIT_K and at_most_C < shown_C
-    is_new = state[_COLD + _COLD_Ohm] == inf
-    transforms_below_C = returns_C if is_new else transformed_C
-    cools = (cools or at_its_limit) and (most_C >= transforms_below_C or (until_cold and is_new))
+    # One that shows no more cold than contracted is told from that on its way alone: each time it begins cold.
+    alike = shown_Ohm < just_contracted_Ohm and shows_cold_no_more(transforms, just_contracted_Ohm, stress_Pa)
+    if alike and at_its_limit and not cools:
+        state[_COLD + _COLD_Ohm] = state[_COLD + _MOST_Ohm] = inf
+    cools = (cools or at_its_limit) and not _is_told(state, most_C, returns_C, transformed_C, alike, until_cold)
     shown_W_K = shown_loss_W_K(state, _SHOWN, wire_W, dt_s, most_C - coldest_C, capacity_J_K, loss_W_K)
-    if turned(state, _TURNED, load_N, dt_s) > MOST_TURNS:
-        shown_W_K = 0.0
+    shown_W_K *= turned(state, _TURNED, load_N, dt_s) <= MOST_TURNS
     return likely_C, most_C, guessed_K, cools, SUDDENLY * shown_W_K, margin
 
 

@@ -119,3 +119,20 @@ def shows_cold(row: Floats, shown_Ohm: float, stress_Pa: float) -> bool:
         return False
     cold_Ohm = looked_up(row, COLD, stress_Pa)
     return abs(shown_Ohm - cold_Ohm) < FALLS * cold_Ohm
+
+
+@jit
+def contracted_Ohm(row: Floats, by_then_Ohm: float, at_most_Ohm: float, cold_Ohm: float, stress_Pa: float) -> float:
+    """The most that a wire shows contracted that is no hotter than it can be now: what the calibrated one shows
+    (``by_then_Ohm``), and as much more as this one has shown cold (``cold_Ohm``); ``at_most_Ohm``, which it shows
+    however hot it is, where nobody knows."""
+    then_Ohm = looked_up(row, COLD, stress_Pa) if len(row) else 0.0
+    if not (then_Ohm > 0.0 and isfinite(by_then_Ohm)):
+        return at_most_Ohm
+    return by_then_Ohm * max(cold_Ohm / then_Ohm, 1.0)
+
+
+@jit
+def shows_cold_no_more(row: Floats, just_contracted_Ohm: float, stress_Pa: float) -> bool:
+    """Whether the wire is known to show no more cold than contracted (``just_contracted_Ohm``) under this load."""
+    return len(row) > 0 and looked_up(row, COLD, stress_Pa) < just_contracted_Ohm < inf

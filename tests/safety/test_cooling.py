@@ -23,8 +23,10 @@ def looking():
     state = floats(COOLING)
     begin_cooling(state, 0)
 
-    def once(resistance_Ohm, same_load=True, dt_s=STEP_s, settles_C=COLD_C):
-        return cooling_C(state, 0, resistance_Ohm, same_load, dt_s, settles_C, LONGEST_s, SLOPE_1_K, TRANSFORMS_C)
+    def once(resistance_Ohm, same_load=True, dt_s=STEP_s, settles_C=COLD_C, shows_cold=False):
+        return cooling_C(
+            state, 0, resistance_Ohm, same_load, dt_s, settles_C, LONGEST_s, SLOPE_1_K, TRANSFORMS_C, shows_cold
+        )
 
     return once
 
@@ -34,6 +36,16 @@ def test_a_wire_whose_resistance_stands_is_no_hotter_than_it_transforms_at_after
     found_C = [look(5.0) for _ in range(30)]
     assert found_C[0] == math.inf
     assert found_C[-1] == TRANSFORMS_C
+
+
+def test_one_that_stands_at_what_it_shows_cold_is_colder_the_longer_it_is_looked_at(look):
+    found_C = [look(5.0, shows_cold=True) for _ in range(60)]
+    assert found_C[12] > found_C[30] > found_C[55] > COLD_C
+    assert found_C[55] < 80.0
+
+
+def test_one_that_transforms_does_not_stand_there_though_it_passes_it(look):
+    assert [look(5.0 * (1.0 + 4e-2 * STEP_s * i), shows_cold=True) for i in range(30)][-1] == TRANSFORMS_C
 
 
 def test_one_whose_resistance_rises_transforms(look):

@@ -13,10 +13,12 @@ from sma_actuator.safety.transformed import (
     LEAST_SLOPE_1_K,
     MOST_SLOPE_1_K,
     Transforms,
+    contracted_Ohm,
     least_slope_1_K,
     most_contracted_Ohm,
     returns_at_most_C,
     shows_cold,
+    shows_cold_no_more,
     transforms_at_C,
 )
 
@@ -111,6 +113,28 @@ class TestShowsCold:
         self, parameters, calibration, shown_Ohm, stress_Pa
     ):
         assert not shows_cold(Transforms(calibration, parameters).row, shown_Ohm, stress_Pa)
+
+
+class TestTheMostThatItShowsContracted:
+    """The calibrated wire shows 5.0 Ω cold, and 4.4 Ω contracted that is no hotter than it can be now."""
+
+    @pytest.mark.parametrize(
+        ("cold_Ohm", "most_Ohm"),
+        [(5.0, 4.4), (5.5, 4.84), (4.9, 4.4), (math.inf, math.inf)],
+        ids=["the calibrated one", "a thinner one", "never less", "not seen cold"],
+    )
+    def test_is_as_much_more_as_it_has_shown_cold(self, parameters, cold_Ohm, most_Ohm):
+        row = Transforms(CALIBRATION, parameters).row
+        assert contracted_Ohm(row, 4.4, 4.6, cold_Ohm, 1e8) == pytest.approx(most_Ohm)
+
+    def test_is_what_it_shows_however_hot_where_nobody_knows(self, parameters):
+        assert contracted_Ohm(Transforms(Calibration(), parameters).row, 4.4, 4.6, 5.0, 1e8) == 4.6
+        assert contracted_Ohm(Transforms(CALIBRATION, parameters).row, math.inf, math.inf, 5.0, 1e8) == math.inf
+
+    @pytest.mark.parametrize(("just_Ohm", "alike"), [(4.9, False), (5.1, True), (math.inf, False)])
+    def test_may_be_as_much_as_cold(self, parameters, just_Ohm, alike):
+        assert shows_cold_no_more(Transforms(CALIBRATION, parameters).row, just_Ohm, 1e8) == alike
+        assert not shows_cold_no_more(Transforms(Calibration(), parameters).row, just_Ohm, 1e8)
 
 
 class TestAWireOfWhichNothingIsKnownYet:
