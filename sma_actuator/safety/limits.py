@@ -78,8 +78,7 @@ TEMPERATURE_DERATING = Limit(
     f"heat_loss_margin ({NOT_CONTRACTED_MARGIN:g} at the most until it has contracted); {SUDDENLY:g} of what it has "
     f"shown to lose over {LOSING_TIMES:g} time constants. Above thermal.derate_temperature linearly down to "
     "supply.bias_current. A wire of which nothing is known gets the bias until its resistance, which would fall, or "
-    "the heat balance with that margin says that it is no hotter than it begins to return at "
-    "(thermal.transformed_temperature without a calibration)",
+    "the heat balance with that margin says that it is no hotter than thermal.transformed_temperature",
     ONE_STEP,
 )
 

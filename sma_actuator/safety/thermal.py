@@ -368,13 +368,24 @@ def _shown_C(
 
 @jit
 def _is_told(
-    state: Floats, most_C: float, returns_C: float, transformed_C: float, alike: bool, until_cold: bool
+    state: Floats,
+    most_C: float,
+    returns_C: float,
+    transformed_C: float,
+    alike: bool,
+    until_cold: bool,
+    cold_shown: bool,
 ) -> bool:
-    """Whether one that is let cool need not be colder, to be told on its way from one that has contracted."""
+    """Whether one that is let cool need not be colder, to be told on its way from one that has contracted.
+
+    A new one that shows what it is known to show cold is waited for until it is no hotter than it returns at, for two
+    looks at the most.
+    """
     is_new = state[_COLD + _COLD_Ohm] == inf
     if (is_new and (alike or until_cold)) or (alike and state[_COLD + _RESTED_times] < ANEW):
         return False
-    return most_C < (returns_C if is_new else transformed_C)
+    is_looked_at = is_new and cold_shown and state[_COLD + _RESTED_times] < 2.0 * ANEW
+    return most_C < (returns_C if is_looked_at else transformed_C)
 
 
 @jit
@@ -434,7 +445,9 @@ def _heat_step(
     alike = shown_Ohm < just_contracted_Ohm and shows_cold_no_more(transforms, just_contracted_Ohm, stress_Pa)
     if alike and at_its_limit and not cools:
         state[_COLD + _COLD_Ohm] = state[_COLD + _MOST_Ohm] = inf
-    cools = (cools or at_its_limit) and not _is_told(state, most_C, returns_C, transformed_C, alike, until_cold)
+    cools = (cools or at_its_limit) and not _is_told(
+        state, most_C, returns_C, transformed_C, alike, until_cold, cold_shown
+    )
     shown_W_K = shown_loss_W_K(state, _SHOWN, wire_W, dt_s, most_C - coldest_C, capacity_J_K, loss_W_K)
     shown_W_K *= turned(state, _TURNED, load_N, dt_s) <= MOST_TURNS
     return likely_C, most_C, guessed_K, cools, SUDDENLY * shown_W_K, margin

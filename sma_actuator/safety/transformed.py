@@ -20,6 +20,9 @@ FALLS = 0.01
 #: a fifth less than one that lies.
 CAPACITY_WITHIN = 1.25
 
+#: A load that is a tenth beyond those that were seen is like one of them: the cold end bends by a stress in proportion.
+LIKE_ONE = 0.9
+
 #: The tables of a row: what the contracted and the cold wire show by stress, and the temperatures of the heating and of
 #: the cooling one, at no stress, by share of the stroke, contracted first.
 CONTRACTED, COLD, HEATING, COOLING = range(4)
@@ -114,8 +117,12 @@ def _at_most_C(by_balance_C: float, then_C: float) -> float:
 
 @jit
 def shows_cold(row: Floats, shown_Ohm: float, stress_Pa: float) -> bool:
-    """Whether a wire shows as much as it was known to show cold under this load."""
+    """Whether a wire shows as much as it was known to show cold under this load; not where no such load was seen, as in
+    a slack one."""
     if not len(row):
+        return False
+    first, count = int(row[2 * COLD]), int(row[2 * COLD + 1])
+    if not LIKE_ONE * row[first] <= stress_Pa <= row[first + count - 1] / LIKE_ONE:
         return False
     cold_Ohm = looked_up(row, COLD, stress_Pa)
     return abs(shown_Ohm - cold_Ohm) < FALLS * cold_Ohm

@@ -107,9 +107,15 @@ class TestShowsCold:
 
     @pytest.mark.parametrize(
         ("calibration", "shown_Ohm", "stress_Pa"),
-        [(Calibration(), 5.0, 1e8), (CALIBRATION, math.nan, 1e8), (CALIBRATION, 5.0, math.nan)],
+        [
+            (Calibration(), 5.0, 1e8),
+            (CALIBRATION, math.nan, 1e8),
+            (CALIBRATION, 5.0, math.nan),
+            (CALIBRATION, 5.0, 0.8e8),
+            (CALIBRATION, 5.0, 1.2e8),
+        ],
     )
-    def test_without_a_calibration_a_resistance_or_a_load_nobody_knows(
+    def test_without_a_calibration_a_resistance_or_a_load_that_was_seen_nobody_knows(
         self, parameters, calibration, shown_Ohm, stress_Pa
     ):
         assert not shows_cold(Transforms(calibration, parameters).row, shown_Ohm, stress_Pa)
@@ -178,7 +184,7 @@ class TestAWireOfWhichNothingIsKnownYet:
 
     def test_one_that_cools_hot_is_not_called_cold_though_it_passes_what_the_cold_one_shows(self, begun):
         _, since_s = begun(5.01, falls_1_s=0.02)(0.0, 0.0, 0.0)
-        assert since_s > 2.0
+        assert since_s > 1.6  # what its heat balance with the margin takes from 200 to 150 °C
 
 
 @pytest.mark.parametrize(
