@@ -331,14 +331,21 @@ _COOLING = _COLD + SHOWN_COLD
 
 @jit
 def _transforms_Ohm(
-    state: Floats, row: Floats, just_contracted_Ohm: float, most_contracted_Ohm: float, hotter: float, stress_Pa: float
+    state: Floats,
+    row: Floats,
+    at_most_C: float,
+    transformed_C: float,
+    max_C: float,
+    just_contracted_Ohm: float,
+    most_contracted_Ohm: float,
+    stress_Pa: float,
 ) -> float:
-    """What a wire shows more than has not contracted; ``hotter``: how far it can be between the temperature where it
-    has just contracted (0) and the hottest (1).
+    """What a wire shows more than has not contracted, that is no hotter than ``at_most_C``.
 
     Another wire in its place may show more contracted than the calibrated one, but not as much as itself before.
     """
-    by_then_Ohm = just_contracted_Ohm + hotter * (most_contracted_Ohm - just_contracted_Ohm)
+    hotter = (min(at_most_C, max_C) - transformed_C) / (max_C - transformed_C) if max_C > transformed_C else 0.0
+    by_then_Ohm = just_contracted_Ohm + max(hotter, 0.0) * (most_contracted_Ohm - just_contracted_Ohm)
     by_then_Ohm = contracted_Ohm(row, by_then_Ohm, most_contracted_Ohm, state[_COLD + _COLD_Ohm], stress_Pa)
     return max(by_then_Ohm, (1.0 - FALLS) * state[_COLD + _MOST_Ohm])
 
@@ -429,8 +436,9 @@ def _heat_step(
         state, _COOLING, resistance_Ohm, same_load, dt_s, settled_C, longest_s, slope_1_K, returns_C, cold_shown
     )
     at_most_C = min(_after_C(most_C, power_W, dt_s, ambient_C, capacity_J_K, loss_W_K / margin), falls_C)
-    hotter = min(max((at_most_C - transformed_C) / (max_C - transformed_C), 0.0), 1.0)
-    transforms_Ohm = _transforms_Ohm(state, transforms, just_contracted_Ohm, most_contracted_Ohm, hotter, stress_Pa)
+    transforms_Ohm = _transforms_Ohm(
+        state, transforms, at_most_C, transformed_C, max_C, just_contracted_Ohm, most_contracted_Ohm, stress_Pa
+    )
     own_C = max(transforms_at_C(transforms, resistance_Ohm, stress_Pa, shifts_K_Pa[1], then_C), likely_C)
     shown_C, own_C = _shown_C(
         state, resistance_Ohm, load_N, dt_s, at_most_C, transformed_C, own_C, transforms_Ohm, slope_1_K

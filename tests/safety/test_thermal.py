@@ -21,6 +21,7 @@ from sma_actuator.safety.thermal import (
     HeatBalance,
     LONG_AGO_s,
     WireHeat,
+    _transforms_Ohm,
     begin_cold,
     begin_thermometer,
     derated_limit_A,
@@ -484,6 +485,15 @@ CALIBRATION = Calibration(
         latent_rise=20.0,
     ),
 )
+
+
+@pytest.mark.parametrize("max_C", [150.0, 140.0])
+def test_a_wire_may_be_kept_colder_than_any_transforms_at(parameters, max_C):
+    """Where numba is not installed nothing may be divided by zero."""
+    row = Transforms(CALIBRATION, parameters).row
+    state = WireHeat(parameters)._state
+    as_plain_python = getattr(_transforms_Ohm, "py_func", _transforms_Ohm)
+    assert as_plain_python(state, row, 150.0, 150.0, max_C, 4.4, 4.4, 1e8) == math.inf  # nor was it seen cold
 
 
 class TestOwnThermometer:
