@@ -109,11 +109,6 @@ class PowerSection:
         """Shares of the stroke, and the temperatures of the heating wire there, at no stress."""
         return _shares(len(self.transformation_heating)), self.transformation_heating
 
-    @property
-    def cooling(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """The same of the cooling wire."""
-        return _shares(len(self.transformation_cooling)), self.transformation_cooling
-
     def heating_C(self, share: float, stress_Pa: float) -> float:
         """Temperature, by the heat balance, of a heating wire at a share of its stroke and a stress; NaN where not
         known."""

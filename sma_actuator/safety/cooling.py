@@ -88,7 +88,7 @@ def cooling_C(
     rises_1_s = shared / spread_s2
     left = state[first + _YY] - state[first + _Y] ** 2 / count - rises_1_s * shared
     scatter = sqrt(max(left / (count - 2.0), SCATTER * SCATTER))
-    # One whose resistance rises is being heated, or transforms: it may be as hot as its power leaves it.
     unsure_1_s = SURELY * scatter / sqrt(spread_s2)
+    # One whose resistance rises is being heated, or transforms: it may be as hot as its power leaves it.
     hottest_C = state[first + _SETTLES_C] + max(unsure_1_s - rises_1_s, 0.0) * longest_s / slope_1_K
     return hottest_C if shows_cold and rises_1_s < WARMS_1_s else max(hottest_C, returns_C)

@@ -35,6 +35,7 @@ from .transformed import (
     CAPACITY_WITHIN,
     FALLS,
     Transforms,
+    cold_Ohm,
     contracted_Ohm,
     returns_at_most_C,
     shows_cold,
@@ -252,11 +253,11 @@ def keep_cold(
         state[first + _RESTED_times] += times
     if not isfinite(shown_Ohm):
         return
-    is_cold = is_cold and state[first + _IS_IT] >= 0.0
-    if rests and (is_cold or state[first + _RESTED_times] >= COLD_TIMES):
+    is_it = rests and is_cold and state[first + _IS_IT] >= 0.0
+    if is_it or (rests and state[first + _RESTED_times] >= COLD_TIMES):
         state[first + _COLD_Ohm] = shown_Ohm
-    if state[first + _IS_IT] == 0.0 and (is_cold or not rests):
-        state[first + _IS_IT] = 1.0 if is_cold and rests else -1.0
+    if state[first + _IS_IT] == 0.0:
+        state[first + _IS_IT] = 1.0 if is_it else (0.0 if rests else -1.0)
     most_Ohm = state[first + _MOST_Ohm]
     if not shown_Ohm < (1.0 - FALLS) * most_Ohm:
         most_Ohm = max(most_Ohm, shown_Ohm)
@@ -332,13 +333,12 @@ _COOLING = _COLD + SHOWN_COLD
 @jit
 def _transforms_Ohm(
     state: Floats,
-    row: Floats,
     at_most_C: float,
     transformed_C: float,
     max_C: float,
     just_contracted_Ohm: float,
     most_contracted_Ohm: float,
-    stress_Pa: float,
+    known_Ohm: float,
 ) -> float:
     """What a wire shows more than has not contracted, that is no hotter than ``at_most_C``.
 
@@ -346,7 +346,7 @@ def _transforms_Ohm(
     """
     hotter = (min(at_most_C, max_C) - transformed_C) / (max_C - transformed_C) if max_C > transformed_C else 0.0
     by_then_Ohm = just_contracted_Ohm + max(hotter, 0.0) * (most_contracted_Ohm - just_contracted_Ohm)
-    by_then_Ohm = contracted_Ohm(row, by_then_Ohm, most_contracted_Ohm, state[_COLD + _COLD_Ohm], stress_Pa)
+    by_then_Ohm = contracted_Ohm(by_then_Ohm, most_contracted_Ohm, state[_COLD + _COLD_Ohm], known_Ohm)
     return max(by_then_Ohm, (1.0 - FALLS) * state[_COLD + _MOST_Ohm])
 
 
@@ -374,8 +374,10 @@ def _shown_C(
 
 
 @jit
-def _is_told(
+def _cools(
     state: Floats,
+    cools: bool,
+    at_its_limit: bool,
     most_C: float,
     returns_C: float,
     transformed_C: float,
@@ -383,16 +385,19 @@ def _is_told(
     until_cold: bool,
     cold_shown: bool,
 ) -> bool:
-    """Whether one that is let cool need not be colder, to be told on its way from one that has contracted.
+    """Whether the wire is let cool: from its limit on, until it is colder than it transforms at.
 
     A new one that shows what it is known to show cold is waited for until it is no hotter than it returns at, for two
-    looks at the most.
+    looks at the most.  One that shows no more cold than contracted (``alike``) is told from that on its way alone: each
+    time it begins cold.
     """
+    if alike and at_its_limit and not cools:
+        state[_COLD + _COLD_Ohm] = state[_COLD + _MOST_Ohm] = inf
     is_new = state[_COLD + _COLD_Ohm] == inf
-    if (is_new and (alike or until_cold)) or (alike and state[_COLD + _RESTED_times] < ANEW):
-        return False
-    is_looked_at = is_new and cold_shown and state[_COLD + _RESTED_times] < 2.0 * ANEW
-    return most_C < (returns_C if is_looked_at else transformed_C)
+    looks = alike and state[_COLD + _RESTED_times] < ANEW
+    waits = is_new and cold_shown and state[_COLD + _RESTED_times] < 2.0 * ANEW
+    is_told = most_C < (returns_C if waits else transformed_C) and not looks and not (is_new and (alike or until_cold))
+    return (cools or at_its_limit) and not is_told
 
 
 @jit
@@ -413,6 +418,7 @@ def _heat_step(
     wire_W: float,
     transforms: Floats,
     stress_Pa: float,
+    return_C: float,
     shifts_K_Pa: tuple[float, float],
     then_C: float,
     slope_1_K: float,
@@ -430,14 +436,15 @@ def _heat_step(
         margin = min(margin, NOT_CONTRACTED_MARGIN)
     longest_s = capacity_J_K * margin / loss_W_K
     settled_C, same_load = ambient_C + power_W * margin / loss_W_K, not _is_other(load_N, state[_BY_ITSELF + _LOAD_N])
-    returns_C = min(returns_at_most_C(transforms, stress_Pa, shifts_K_Pa[0], then_C), transformed_C)
-    cold_shown = state[_COLD + _IS_IT] >= 0.0 and shows_cold(transforms, state[_BY_ITSELF + _SHOWN_Ohm], stress_Pa)
+    returns_C = min(returns_at_most_C(return_C, stress_Pa, shifts_K_Pa[0], then_C), transformed_C)
+    known_Ohm, may_be_it = cold_Ohm(transforms, stress_Pa), state[_COLD + _IS_IT] >= 0.0
+    cold_shown = may_be_it and shows_cold(transforms, state[_BY_ITSELF + _SHOWN_Ohm], stress_Pa, known_Ohm)
     falls_C = cooling_C(
         state, _COOLING, resistance_Ohm, same_load, dt_s, settled_C, longest_s, slope_1_K, returns_C, cold_shown
     )
     at_most_C = min(_after_C(most_C, power_W, dt_s, ambient_C, capacity_J_K, loss_W_K / margin), falls_C)
     transforms_Ohm = _transforms_Ohm(
-        state, transforms, at_most_C, transformed_C, max_C, just_contracted_Ohm, most_contracted_Ohm, stress_Pa
+        state, at_most_C, transformed_C, max_C, just_contracted_Ohm, most_contracted_Ohm, known_Ohm
     )
     own_C = max(transforms_at_C(transforms, resistance_Ohm, stress_Pa, shifts_K_Pa[1], then_C), likely_C)
     shown_C, own_C = _shown_C(
@@ -449,13 +456,8 @@ def _heat_step(
     measured_Ohm = shown_Ohm if isfinite(resistance_Ohm) else nan
     keep_cold(state, _COLD, measured_Ohm, dt_s / longest_s, rests, is_cold, at_most_C, transformed_C)
     at_its_limit = most_C > max_C - HEADROOM_K - AT_LIMIT_K and at_most_C < shown_C
-    # One that shows no more cold than contracted is told from that on its way alone: each time it begins cold.
-    alike = shown_Ohm < just_contracted_Ohm and shows_cold_no_more(transforms, just_contracted_Ohm, stress_Pa)
-    if alike and at_its_limit and not cools:
-        state[_COLD + _COLD_Ohm] = state[_COLD + _MOST_Ohm] = inf
-    cools = (cools or at_its_limit) and not _is_told(
-        state, most_C, returns_C, transformed_C, alike, until_cold, cold_shown
-    )
+    alike = shown_Ohm < just_contracted_Ohm and shows_cold_no_more(known_Ohm, just_contracted_Ohm)
+    cools = _cools(state, cools, at_its_limit, most_C, returns_C, transformed_C, alike, until_cold, cold_shown)
     shown_W_K = shown_loss_W_K(state, _SHOWN, wire_W, dt_s, most_C - coldest_C, capacity_J_K, loss_W_K)
     shown_W_K *= turned(state, _TURNED, load_N, dt_s) <= MOST_TURNS
     return likely_C, most_C, guessed_K, cools, SUDDENLY * shown_W_K, margin
@@ -526,6 +528,7 @@ class WireHeat:
             wire_W,
             self.transforms.row,
             stress_Pa,
+            self.transforms.return_C,
             self.transforms.shifts_K_Pa,
             self.transforms.then_C,
             self.transforms.slope_1_K,

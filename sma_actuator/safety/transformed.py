@@ -23,9 +23,9 @@ CAPACITY_WITHIN = 1.25
 #: A load that is a tenth beyond those that were seen is like one of them: the cold end bends by a stress in proportion.
 LIKE_ONE = 0.9
 
-#: The tables of a row: what the contracted and the cold wire show by stress, and the temperatures of the heating and of
-#: the cooling one, at no stress, by share of the stroke, contracted first.
-CONTRACTED, COLD, HEATING, COOLING = range(4)
+#: The tables of a row: what the contracted and the cold wire show by stress, and the temperatures of the heating one,
+#: at no stress, by share of the stroke, contracted first.
+CONTRACTED, COLD, HEATING = range(3)
 
 
 @jit
@@ -72,22 +72,23 @@ def returns_at_C(calibration: Calibration, parameters: ThermalParameters, stress
 class Transforms:
     """At which temperatures this wire transforms, and what it shows at the ends of its stroke.
 
-    ``row``: what it shows contracted and cold by stress, and its temperatures heating and cooling, at no stress, by
-    share of its stroke, contracted first; empty where nobody knows.
+    ``row``: what it shows contracted and cold by stress, and its temperatures heating, at no stress, by share of its
+    stroke, contracted first; empty where nobody knows.
     """
 
     def __init__(self, calibration: Calibration, parameters: ThermalParameters):
         hot_end, rest, power = calibration.hot_end, calibration.rest, calibration.power
         self.then_C = calibration.usual_ambient_C(parameters.ambient_temperature)
         self.row, self.shifts_K_Pa = floats(0), (nan, nan)  #: by which a stress shifts them, cooling and heating
+        self.return_C = nan  #: at no stress, where the contracted wire begins to return
         self.slope_1_K = least_slope_1_K(hot_end)
         if calibration.transformation_known and hot_end.contracted_resistance and rest.cold_resistance:
             self.shifts_K_Pa = power.transformation_shift[0], power.transformation_shift[1]
+            self.return_C = power.transformation_cooling[0]
             self.row = row_of(
                 (hot_end.contracted_stress, hot_end.contracted_resistance),
                 (rest.cold_stress, rest.cold_resistance),
                 power.heating,
-                power.cooling,
             )
 
 
@@ -102,11 +103,9 @@ def transforms_at_C(row: Floats, resistance_Ohm: float, stress_Pa: float, shift_
 
 
 @jit
-def returns_at_most_C(row: Floats, stress_Pa: float, shift_K_Pa: float, then_C: float) -> float:
+def returns_at_most_C(return_C: float, stress_Pa: float, shift_K_Pa: float, then_C: float) -> float:
     """The highest temperature [°C] at which a contracted wire, cooling, begins to return; ∞ where nobody knows."""
-    if not len(row):
-        return inf
-    return _at_most_C(looked_up(row, COOLING, 0.0) + shift_K_Pa * stress_Pa, then_C)
+    return _at_most_C(return_C + shift_K_Pa * stress_Pa, then_C)
 
 
 @jit
@@ -116,30 +115,32 @@ def _at_most_C(by_balance_C: float, then_C: float) -> float:
 
 
 @jit
-def shows_cold(row: Floats, shown_Ohm: float, stress_Pa: float) -> bool:
-    """Whether a wire shows as much as it was known to show cold under this load; not where no such load was seen, as in
-    a slack one."""
-    if not len(row):
+def cold_Ohm(row: Floats, stress_Pa: float) -> float:
+    """What the wire was known to show cold under this load; NaN where nobody knows."""
+    return looked_up(row, COLD, stress_Pa) if len(row) else nan
+
+
+@jit
+def shows_cold(row: Floats, shown_Ohm: float, stress_Pa: float, known_Ohm: float) -> bool:
+    """Whether a wire shows as much as it was known to show cold under this load (:func:`cold_Ohm`); not where no such
+    load was seen, as in a slack one."""
+    if not abs(shown_Ohm - known_Ohm) < FALLS * known_Ohm:
         return False
     first, count = int(row[2 * COLD]), int(row[2 * COLD + 1])
-    if not LIKE_ONE * row[first] <= stress_Pa <= row[first + count - 1] / LIKE_ONE:
-        return False
-    cold_Ohm = looked_up(row, COLD, stress_Pa)
-    return abs(shown_Ohm - cold_Ohm) < FALLS * cold_Ohm
+    return LIKE_ONE * row[first] <= stress_Pa <= row[first + count - 1] / LIKE_ONE
 
 
 @jit
-def contracted_Ohm(row: Floats, by_then_Ohm: float, at_most_Ohm: float, cold_Ohm: float, stress_Pa: float) -> float:
+def contracted_Ohm(by_then_Ohm: float, at_most_Ohm: float, shown_cold_Ohm: float, known_Ohm: float) -> float:
     """The most that a wire shows contracted that is no hotter than it can be now: what the calibrated one shows
-    (``by_then_Ohm``), and as much more as this one has shown cold (``cold_Ohm``); ``at_most_Ohm``, which it shows
-    however hot it is, where nobody knows."""
-    then_Ohm = looked_up(row, COLD, stress_Pa) if len(row) else 0.0
-    if not (then_Ohm > 0.0 and isfinite(by_then_Ohm)):
+    (``by_then_Ohm``), and as much more as this one has shown cold (``shown_cold_Ohm``) than that was known to
+    (:func:`cold_Ohm`); ``at_most_Ohm``, which it shows however hot it is, where nobody knows."""
+    if not (known_Ohm > 0.0 and isfinite(by_then_Ohm)):
         return at_most_Ohm
-    return by_then_Ohm * max(cold_Ohm / then_Ohm, 1.0)
+    return by_then_Ohm * max(shown_cold_Ohm / known_Ohm, 1.0)
 
 
 @jit
-def shows_cold_no_more(row: Floats, just_contracted_Ohm: float, stress_Pa: float) -> bool:
-    """Whether the wire is known to show no more cold than contracted (``just_contracted_Ohm``) under this load."""
-    return len(row) > 0 and looked_up(row, COLD, stress_Pa) < just_contracted_Ohm < inf
+def shows_cold_no_more(known_Ohm: float, just_contracted_Ohm: float) -> bool:
+    """Whether the wire is known to show no more cold (:func:`cold_Ohm`) than contracted (``just_contracted_Ohm``)."""
+    return known_Ohm < just_contracted_Ohm < inf

@@ -4,8 +4,9 @@ import math
 from dataclasses import replace
 
 import pytest
+from calibrated import CALIBRATION
 
-from sma_actuator.base.calibration import Calibration, HotEndSection, PowerSection, RestSection
+from sma_actuator.base.calibration import Calibration, HotEndSection, PowerSection
 from sma_actuator.safety.thermal import WireHeat
 from sma_actuator.safety.transformed import (
     CAPACITY_WITHIN,
@@ -13,6 +14,7 @@ from sma_actuator.safety.transformed import (
     LEAST_SLOPE_1_K,
     MOST_SLOPE_1_K,
     Transforms,
+    cold_Ohm,
     contracted_Ohm,
     least_slope_1_K,
     most_contracted_Ohm,
@@ -20,18 +22,6 @@ from sma_actuator.safety.transformed import (
     shows_cold,
     shows_cold_no_more,
     transforms_at_C,
-)
-
-CALIBRATION = Calibration(
-    ambient_temperature=20.0,
-    rest=RestSection(cold_stress=(1e8,), cold_resistance=(5.0,), cold_displacement=(0.004,)),
-    hot_end=HotEndSection(contracted_stress=(1e8,), contracted_resistance=(4.0,), contracted_displacement=(0.0,)),
-    power=PowerSection(
-        transformation_heating=(80.0, 60.0),
-        transformation_cooling=(50.0, 40.0),
-        transformation_shift=(3e-7, 1e-7),
-        latent_rise=20.0,
-    ),
 )
 
 
@@ -88,13 +78,15 @@ class TestTransformsAt:
 class TestReturnsAt:
     def test_it_is_where_the_contracted_wire_begins_to_come_back_under_this_load(self, parameters):
         known = Transforms(CALIBRATION, parameters)
-        found_C = [returns_at_most_C(known.row, each_Pa, known.shifts_K_Pa[0], known.then_C) for each_Pa in (1e8, 0.0)]
+        found_C = [
+            returns_at_most_C(known.return_C, each_Pa, known.shifts_K_Pa[0], known.then_C) for each_Pa in (1e8, 0.0)
+        ]
         assert found_C == pytest.approx([20.0 + CAPACITY_WITHIN * 60.0, 20.0 + CAPACITY_WITHIN * 30.0])
 
     @pytest.mark.parametrize(("calibration", "stress_Pa"), [(Calibration(), 1e8), (CALIBRATION, math.nan)])
     def test_without_a_calibration_or_a_load_nobody_knows(self, parameters, calibration, stress_Pa):
         known = Transforms(calibration, parameters)
-        assert returns_at_most_C(known.row, stress_Pa, known.shifts_K_Pa[0], known.then_C) == math.inf
+        assert returns_at_most_C(known.return_C, stress_Pa, known.shifts_K_Pa[0], known.then_C) == math.inf
 
 
 class TestShowsCold:
@@ -103,7 +95,8 @@ class TestShowsCold:
         [(5.0, True), (5.0 * (1.0 + 0.9 * FALLS), True), (5.0 * (1.0 - 1.1 * FALLS), False), (5.5, False)],
     )
     def test_it_is_as_much_as_was_measured_cold_to_within_what_contracting_takes_off(self, parameters, shown_Ohm, cold):
-        assert shows_cold(Transforms(CALIBRATION, parameters).row, shown_Ohm, 1e8) == cold
+        row = Transforms(CALIBRATION, parameters).row
+        assert shows_cold(row, shown_Ohm, 1e8, cold_Ohm(row, 1e8)) == cold
 
     @pytest.mark.parametrize(
         ("calibration", "shown_Ohm", "stress_Pa"),
@@ -118,29 +111,31 @@ class TestShowsCold:
     def test_without_a_calibration_a_resistance_or_a_load_that_was_seen_nobody_knows(
         self, parameters, calibration, shown_Ohm, stress_Pa
     ):
-        assert not shows_cold(Transforms(calibration, parameters).row, shown_Ohm, stress_Pa)
+        row = Transforms(calibration, parameters).row
+        assert not shows_cold(row, shown_Ohm, stress_Pa, cold_Ohm(row, stress_Pa))
 
 
 class TestTheMostThatItShowsContracted:
     """The calibrated wire shows 5.0 Ω cold, and 4.4 Ω contracted that is no hotter than it can be now."""
 
     @pytest.mark.parametrize(
-        ("cold_Ohm", "most_Ohm"),
+        ("shown_cold_Ohm", "most_Ohm"),
         [(5.0, 4.4), (5.5, 4.84), (4.9, 4.4), (math.inf, math.inf)],
         ids=["the calibrated one", "a thinner one", "never less", "not seen cold"],
     )
-    def test_is_as_much_more_as_it_has_shown_cold(self, parameters, cold_Ohm, most_Ohm):
-        row = Transforms(CALIBRATION, parameters).row
-        assert contracted_Ohm(row, 4.4, 4.6, cold_Ohm, 1e8) == pytest.approx(most_Ohm)
+    def test_is_as_much_more_as_it_has_shown_cold(self, parameters, shown_cold_Ohm, most_Ohm):
+        known_Ohm = cold_Ohm(Transforms(CALIBRATION, parameters).row, 1e8)
+        assert contracted_Ohm(4.4, 4.6, shown_cold_Ohm, known_Ohm) == pytest.approx(most_Ohm)
 
     def test_is_what_it_shows_however_hot_where_nobody_knows(self, parameters):
-        assert contracted_Ohm(Transforms(Calibration(), parameters).row, 4.4, 4.6, 5.0, 1e8) == 4.6
-        assert contracted_Ohm(Transforms(CALIBRATION, parameters).row, math.inf, math.inf, 5.0, 1e8) == math.inf
+        assert contracted_Ohm(4.4, 4.6, 5.0, cold_Ohm(Transforms(Calibration(), parameters).row, 1e8)) == 4.6
+        known_Ohm = cold_Ohm(Transforms(CALIBRATION, parameters).row, 1e8)
+        assert contracted_Ohm(math.inf, math.inf, 5.0, known_Ohm) == math.inf
 
     @pytest.mark.parametrize(("just_Ohm", "alike"), [(4.9, False), (5.1, True), (math.inf, False)])
     def test_may_be_as_much_as_cold(self, parameters, just_Ohm, alike):
-        assert shows_cold_no_more(Transforms(CALIBRATION, parameters).row, just_Ohm, 1e8) == alike
-        assert not shows_cold_no_more(Transforms(Calibration(), parameters).row, just_Ohm, 1e8)
+        assert shows_cold_no_more(cold_Ohm(Transforms(CALIBRATION, parameters).row, 1e8), just_Ohm) == alike
+        assert not shows_cold_no_more(cold_Ohm(Transforms(Calibration(), parameters).row, 1e8), just_Ohm)
 
 
 class TestAWireOfWhichNothingIsKnownYet:
