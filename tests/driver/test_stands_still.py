@@ -3,14 +3,12 @@
 Processes of their own on the virtual bench, which is asked what flows."""
 
 import contextlib
-import json
 import os
 import signal
-import subprocess
-import sys
 import time
 
 import pytest
+from program import Program
 from waiting import Elapsed, Stalls
 
 from sma_actuator.bench import VirtualBench
@@ -43,14 +41,8 @@ for line in sys.stdin:
 """
 
 
-class Driven:
+class Driven(Program):
     """A process that drives the bench's wire."""
-
-    def __init__(self, mapping):
-        self.process = subprocess.Popen(
-            [sys.executable, "-c", _PROGRAM, json.dumps(mapping)], stdin=-1, stdout=-1, stderr=-1, text=True
-        )
-        self.waiting = int(self.process.stdout.readline())
 
     def latched(self):
         """The fault that it comes to, waited for."""
@@ -61,10 +53,6 @@ class Driven:
     def stand_still(self):
         self.process.send_signal(signal.SIGSTOP)
         os.waitid(os.P_PID, self.process.pid, os.WSTOPPED | os.WNOWAIT)
-
-    def close(self):
-        self.process.kill()
-        self.process.communicate()
 
 
 @pytest.fixture
@@ -84,7 +72,7 @@ def drive(make_config, bench):
         changes[f"instruments.{role}.resource"] = f"TCPIP::127.0.0.1::{bench.ports[0][role]}::SOCKET"
         changes[f"instruments.{role}.timeout"] = TIMEOUT_s
     with contextlib.ExitStack() as stack:
-        yield lambda **more: stack.enter_context(contextlib.closing(Driven(make_config(**changes, **more))))
+        yield lambda **more: stack.enter_context(contextlib.closing(Driven(_PROGRAM, make_config(**changes, **more))))
 
 
 def is_off_as_promised(supply):

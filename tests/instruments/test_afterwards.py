@@ -2,7 +2,6 @@
 flows."""
 
 import contextlib
-import json
 import os
 import re
 import select
@@ -15,6 +14,7 @@ from types import SimpleNamespace
 from unittest.mock import Mock
 
 import pytest
+from program import Program
 from waiting import Elapsed, Stalls, wait_until
 
 from sma_actuator.bench import VirtualBench
@@ -40,20 +40,6 @@ if sys.stdin.readline():
     print("closed", flush=True)
     time.sleep(600.0)
 """
-
-
-class Program:
-    """A program that drives the bench's supply."""
-
-    def __init__(self, mapping):
-        self.process = subprocess.Popen(
-            [sys.executable, "-c", _PROGRAM, json.dumps(mapping)], stdin=-1, stdout=-1, stderr=-1, text=True
-        )
-        self.waiting = int(self.process.stdout.readline())
-
-    def close(self):
-        self.process.kill()
-        self.process.communicate()
 
 
 def is_there(process):
@@ -89,7 +75,7 @@ def program(mapping):
     with contextlib.ExitStack() as stack:
 
         def start(**changes):
-            one = Program(mapping(**changes))
+            one = Program(_PROGRAM, mapping(**changes))
             stack.callback(one.close)
             return one
 
