@@ -70,10 +70,10 @@ TARGETS = {
     "safety/timing": _GUARDS,
     "safety/faults": (*_GUARDS, "tests/safety/test_faults.py"),
     "safety/supervisor": ("tests/safety/test_supervisor_edges.py", *_GUARDS),
-    "safety/thermal": (
-        *_GUARDS,
-        *(f"tests/safety/test_{name}.py" for name in ("thermal", "limits", "hot_end")),
-    ),
+    **{
+        f"safety/{name}": (*_GUARDS, *(f"tests/safety/test_{tests}.py" for tests in ("thermal", "limits", "hot_end")))
+        for name in ("ambient", "cold", "thermal")
+    },
     **{f"driver/{name}": _DRIVER for name in ("driver", "link", "loop", "output", "requests", "warm_up", "watchman")},
     "driver/statistics": ("tests/driver/test_statistics.py", *_DRIVER),
     "instruments/scpi": ("tests/instruments",),

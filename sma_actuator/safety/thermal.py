@@ -30,6 +30,8 @@ from sma_actuator.base.calibration import Calibration
 from sma_actuator.base.jit import Floats, floats, jit
 from sma_actuator.base.sections import ThermalParameters
 
+from .ambient import Ambient
+from .cold import IS_IT, SHOWN_COLD, COLD_Ohm, MOST_Ohm, RESTED_times, begin_cold, keep_cold
 from .cooling import ANEW, COOLING, begin_cooling, cooling_C
 from .transformed import (
     CAPACITY_WITHIN,
@@ -49,8 +51,6 @@ HEADROOM_K = 5.0
 AT_LIMIT_K = 1.0
 #: A wire rests with power that warms it by no more than this, at its least heat loss: what `init` writes as bias, 8 K.
 REST_K = 10.0
-#: After so many of the longest time constants that it may have, a wire that rests is cold: 3 K are left of the hottest.
-COLD_TIMES = 4.0
 #: Time over which a resistance is averaged, and from which on one is of another time.
 SMOOTH_s, LONG_AGO_s = 0.2, 1.0
 #: Share by which a load changes from one reading to the next where it is another one.
@@ -69,10 +69,6 @@ SUDDENLY = 0.9
 #: there is, is for a fan that stops while a contracted one is held hot.  It is no less, since another wire in its place
 #: may show more.
 NOT_CONTRACTED_MARGIN = 2.0 * CAPACITY_WITHIN
-#: Surroundings no wire is driven in [°C]; a sensor that reads more is not believed.
-HOTTEST_AMBIENT_C = 100.0
-#: A sensor that falls below the usual temperature is followed at this rate: surroundings cool no faster.
-AMBIENT_FALL_K_s = 0.1
 
 
 @jit
@@ -104,53 +100,6 @@ class HeatBalance:
         """
         self.temperature_C = _after_C(self.temperature_C, power_W, dt_s, ambient_C, heat_capacity_J_K, heat_loss_W_K)
         return self.temperature_C
-
-
-class Ambient:
-    """What the surroundings are taken for, from a sensor that may be broken and the parameters.
-
-    Too warm only costs current, too cold costs the wire: a sensor is followed upwards at once,
-    downwards slowly and not far.
-    """
-
-    def __init__(self, parameters: ThermalParameters):
-        self.temperature_C = parameters.ambient_temperature
-        self.doubt = ""  #: why the sensor is not believed
-        self._was_believed = False  #: it has been, in this run
-        self._read_C = math.nan
-        self._stands_s = 0.0
-
-    def step(self, read_C: float, dt_s: float, parameters: ThermalParameters) -> float:
-        """Advance by ``dt_s`` with what a sensor reads, NaN where there is none; the temperature to reckon with
-        [°C]."""
-        dt_s = dt_s if 0.0 <= dt_s < math.inf else 0.0
-        self._stands_s = self._stands_s + dt_s if read_C == self._read_C else 0.0
-        self._read_C = read_C
-        usual_C = parameters.ambient_temperature
-        self.doubt = "" if math.isnan(read_C) else self._doubt(read_C, parameters)
-        is_believed = not (self.doubt or math.isnan(read_C))
-        self._was_believed = self._was_believed or is_believed
-        believed_C = read_C if is_believed else usual_C
-        is_broken = self._was_believed and not is_believed
-        from_C = self.temperature_C if is_broken else min(self.temperature_C, usual_C)  # a sensor breaks, a room stays
-        self.temperature_C = max(believed_C, from_C - AMBIENT_FALL_K_s * dt_s)
-        return self.temperature_C
-
-    def _doubt(self, read_C: float, parameters: ThermalParameters) -> str:
-        usual_C, tolerance_K = parameters.ambient_temperature, parameters.ambient_tolerance
-        if not read_C <= HOTTEST_AMBIENT_C:
-            return f"it reads {read_C:.4g} °C; up to {HOTTEST_AMBIENT_C:g} °C is plausible"
-        if not read_C >= usual_C - tolerance_K:
-            return (
-                f"it reads {read_C:.4g} °C; thermal.ambient_temperature is {usual_C:g} °C and "
-                f"thermal.ambient_tolerance {tolerance_K:g} K"
-            )
-        if read_C < usual_C and self._stands_s > parameters.ambient_stuck_time:
-            return (
-                f"it reads {read_C:.4g} °C for {self._stands_s:.0f} s to the last digit; thermal.ambient_stuck_time is "
-                f"{parameters.ambient_stuck_time:g} s"
-            )
-        return ""
 
 
 #: What a thermometer remembers: the resistance, smooth, and the load of then; how long ago that is; the least
@@ -214,63 +163,6 @@ def begin_thermometer(state: Floats, first: int) -> None:
     """Nothing is known yet."""
     for each in (_SHOWN_Ohm, _LOAD_N, _LEAST_Ohm):
         state[first + each] = nan
-
-
-#: What is remembered of the cold: what a wire showed when it last was; the most since it certainly had not contracted,
-#: ∞ where it may have; how long it has rested, in the longest time constants that it may have; and whether it is the
-#: calibrated wire: it may be (0), it is (1), or it was heated before that was known (-1).
-_COLD_Ohm, _MOST_Ohm, _RESTED_times, _IS_IT = range(4)
-SHOWN_COLD = 4
-
-
-@jit
-def keep_cold(
-    state: Floats,
-    first: int,
-    shown_Ohm: float,
-    times: float,
-    rests: bool,
-    is_cold: bool,
-    at_most_C: float,
-    transformed_C: float,
-) -> None:
-    """Keep what a wire shows cold, and the most since it certainly had not contracted.
-
-    Time says when it is cold.  Resistance that stands does not, for what cooling takes off austenite's a little
-    martensite brings back; but where it stands at what this wire was known to show cold, at the beginning, before it
-    is heated: another wire shows as much contracted.  It has not contracted where it shows as much again, no hotter
-    than it transforms at, and has shown no less since: hotter austenite shows as much as a wire that rests half
-    contracted in a warm room.
-
-    ``shown_Ohm``: smooth, NaN where none was measured; ``times``: how long this step was, in the longest time constants
-    that the wire may have; ``rests``: no current flows, or the bias alone; ``is_cold``: it is no hotter than this wire
-    is as it begins to return, and shows what that shows cold.  What is remembered begins at the ``first`` of ``state``
-    (:func:`begin_cold`).
-    """
-    if not rests:
-        state[first + _RESTED_times] = 0.0
-    elif 0.0 <= times < inf:
-        state[first + _RESTED_times] += times
-    if not isfinite(shown_Ohm):
-        return
-    is_it = rests and is_cold and state[first + _IS_IT] >= 0.0
-    if is_it or (rests and state[first + _RESTED_times] >= COLD_TIMES):
-        state[first + _COLD_Ohm] = shown_Ohm
-    if state[first + _IS_IT] == 0.0:
-        state[first + _IS_IT] = 1.0 if is_it else (0.0 if rests else -1.0)
-    most_Ohm = state[first + _MOST_Ohm]
-    if not shown_Ohm < (1.0 - FALLS) * most_Ohm:
-        most_Ohm = max(most_Ohm, shown_Ohm)
-    elif at_most_C < transformed_C and shown_Ohm >= (1.0 - FALLS) * state[first + _COLD_Ohm]:
-        most_Ohm = shown_Ohm
-    else:
-        most_Ohm = inf
-    state[first + _MOST_Ohm] = most_Ohm
-
-
-def begin_cold(state: Floats, first: int) -> None:
-    """Nothing is known yet."""
-    state[first + _COLD_Ohm] = state[first + _MOST_Ohm] = inf
 
 
 #: What of shown loss is remembered: the power and the rise, both smooth.
@@ -346,8 +238,8 @@ def _transforms_Ohm(
     """
     hotter = (min(at_most_C, max_C) - transformed_C) / (max_C - transformed_C) if max_C > transformed_C else 0.0
     by_then_Ohm = just_contracted_Ohm + max(hotter, 0.0) * (most_contracted_Ohm - just_contracted_Ohm)
-    by_then_Ohm = contracted_Ohm(by_then_Ohm, most_contracted_Ohm, state[_COLD + _COLD_Ohm], known_Ohm)
-    return max(by_then_Ohm, (1.0 - FALLS) * state[_COLD + _MOST_Ohm])
+    by_then_Ohm = contracted_Ohm(by_then_Ohm, most_contracted_Ohm, state[_COLD + COLD_Ohm], known_Ohm)
+    return max(by_then_Ohm, (1.0 - FALLS) * state[_COLD + MOST_Ohm])
 
 
 @jit
@@ -392,10 +284,10 @@ def _cools(
     time it begins cold.
     """
     if alike and at_its_limit and not cools:
-        state[_COLD + _COLD_Ohm] = state[_COLD + _MOST_Ohm] = inf
-    is_new = state[_COLD + _COLD_Ohm] == inf
-    looks = alike and state[_COLD + _RESTED_times] < ANEW
-    waits = is_new and cold_shown and state[_COLD + _RESTED_times] < 2.0 * ANEW
+        state[_COLD + COLD_Ohm] = state[_COLD + MOST_Ohm] = inf
+    is_new = state[_COLD + COLD_Ohm] == inf
+    looks = alike and state[_COLD + RESTED_times] < ANEW
+    waits = is_new and cold_shown and state[_COLD + RESTED_times] < 2.0 * ANEW
     is_told = most_C < (returns_C if waits else transformed_C) and not looks and not (is_new and (alike or until_cold))
     return (cools or at_its_limit) and not is_told
 
@@ -437,7 +329,7 @@ def _heat_step(
     longest_s = capacity_J_K * margin / loss_W_K
     settled_C, same_load = ambient_C + power_W * margin / loss_W_K, not _is_other(load_N, state[_BY_ITSELF + _LOAD_N])
     returns_C = min(returns_at_most_C(return_C, stress_Pa, shifts_K_Pa[0], then_C), transformed_C)
-    known_Ohm, may_be_it = cold_Ohm(transforms, stress_Pa), state[_COLD + _IS_IT] >= 0.0
+    known_Ohm, may_be_it = cold_Ohm(transforms, stress_Pa), state[_COLD + IS_IT] >= 0.0
     cold_shown = may_be_it and shows_cold(transforms, state[_BY_ITSELF + _SHOWN_Ohm], stress_Pa, known_Ohm)
     falls_C = cooling_C(
         state, _COOLING, resistance_Ohm, same_load, dt_s, settled_C, longest_s, slope_1_K, returns_C, cold_shown

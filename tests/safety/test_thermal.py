@@ -9,24 +9,20 @@ from calibrated import CALIBRATION
 
 from sma_actuator.base.jit import floats
 from sma_actuator.config import Config
+from sma_actuator.safety.ambient import Ambient, AMBIENT_FALL_K_s
+from sma_actuator.safety.cold import COLD_TIMES, SHOWN_COLD, begin_cold, keep_cold
 from sma_actuator.safety.thermal import (
-    COLD_TIMES,
     LATENT_K,
     NOT_CONTRACTED_MARGIN,
-    SHOWN_COLD,
     SHOWN_LOSS,
     THERMOMETER,
-    Ambient,
-    AMBIENT_FALL_K_s,
     HeatBalance,
     LONG_AGO_s,
     WireHeat,
     _transforms_Ohm,
-    begin_cold,
     begin_thermometer,
     derated_limit_A,
     hottest_C,
-    keep_cold,
     shown_loss_W_K,
 )
 from sma_actuator.safety.transformed import CAPACITY_WITHIN, FALLS, LEAST_SLOPE_1_K, Transforms

@@ -5,9 +5,9 @@ from __future__ import annotations
 from math import isnan
 
 from sma_actuator.base.signals import Quality
+from sma_actuator.safety.ambient import AMBIENT_FALL_K_s
 from sma_actuator.safety.formula import longest, parameter_value
 from sma_actuator.safety.records import Action, Step, guard
-from sma_actuator.safety.thermal import AMBIENT_FALL_K_s
 from sma_actuator.safety.timing import ONE_STEP, RATE, SETTLING_READINGS, THREE_STEPS, TWO_STEPS, SETTLING_TIME_s
 from sma_actuator.safety.transformed import returns_at_C
 
