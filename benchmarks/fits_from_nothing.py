@@ -25,10 +25,11 @@ from rich.table import Table
 from sma_actuator.bench.hidden import TWINS
 from sma_actuator.bench.hidden.hiding import HiddenBench
 from sma_actuator.config import Config
-from sma_actuator.diagnosis.trace.candidates import Candidate, candidate, scales_of, untestable
+from sma_actuator.diagnosis.trace.candidates import Candidate, candidate, untestable
 from sma_actuator.diagnosis.trace.evidence import Evidence
-from sma_actuator.diagnosis.trace.hypotheses import Rows
 from sma_actuator.diagnosis.trace.likeliest import likeliest
+from sma_actuator.diagnosis.trace.rows import Rows
+from sma_actuator.diagnosis.trace.scales import scales_of
 from sma_actuator.estimation.effects.free import Scales
 from sma_actuator.identify import identify
 from sma_actuator.logs.files import write_atomically

@@ -27,10 +27,11 @@ from rich.table import Table
 from scipy.stats import norm
 
 from sma_actuator.bench.hidden import TWINS
-from sma_actuator.diagnosis.trace.candidates import candidate, scales_of, untestable
+from sma_actuator.diagnosis.trace.candidates import candidate, untestable
 from sma_actuator.diagnosis.trace.evidence import Evidence
-from sma_actuator.diagnosis.trace.hypotheses import Rows
 from sma_actuator.diagnosis.trace.likeliest import Likeliest, likeliest
+from sma_actuator.diagnosis.trace.rows import Rows
+from sma_actuator.diagnosis.trace.scales import scales_of
 from sma_actuator.logs.files import write_atomically
 from sma_actuator.plant.worlds import HOME
 

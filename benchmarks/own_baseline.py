@@ -62,12 +62,12 @@ def main() -> int:
         config = identified(wire)
         evidence = Evidence([log for _, logs in sessions(wire, 7000) for log in logs], config, beyond_floor=True)
         tracing = trace(evidence)
-        report = summary(evidence, tracing)
+        report = summary(tracing)
         console.print(f"[bold]{wire}[/bold]: {report['sentence']}")
         for e in report["effects"]:
             values = ", ".join(f"{n} {p['value']:.3g} {p['unit']}" for n, p in e["parameters"].items())
             console.print(f"  {e['name']} ({e['share']:.0%} of the loss): {values}")
-        mapping = extended(config.to_mapping(), evidence, tracing, report, "")
+        mapping = extended(config.to_mapping(), tracing, report, "")
         after = Config.from_mapping(mapping) if mapping else config
         judged = sessions(wire, 8000)
         rows = [errors(c, judged) for c in (config, after)]

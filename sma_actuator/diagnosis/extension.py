@@ -29,7 +29,7 @@ from .selection import paired
 from .trace.candidates import Candidate
 from .trace.evidence import Evidence
 from .trace.fitting import Fit, fit
-from .trace.hypotheses import Rows
+from .trace.rows import Rows
 from .trace.tracing import trace
 from .trace.witnesses import Prediction
 

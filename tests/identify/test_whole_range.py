@@ -16,7 +16,7 @@ from sma_actuator.calibration.rest import SPREAD
 from sma_actuator.characterise.programs import hold, partial_cycles, square_pulses
 from sma_actuator.config import Config, bench_from_mapping
 from sma_actuator.diagnosis.trace import Evidence
-from sma_actuator.diagnosis.trace.hypotheses import Rows
+from sma_actuator.diagnosis.trace.rows import Rows
 from sma_actuator.diagnosis.trace.witnesses.residual import INTERVAL
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.estimation.models.whole_range import at_usual_load, resistances_of

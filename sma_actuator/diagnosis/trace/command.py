@@ -36,10 +36,10 @@ from sma_actuator.logs.kinds import make_experiments
 from sma_actuator.logs.reading import add_log_arguments, find_logs, place, read_logs, reading_of
 
 from .evidence import Evidence
-from .hypotheses import NOTHING
 from .isolability import as_numbers, isolability, size_in_words, tells_in_words
 from .limits import LIMITS
 from .report import explained, extended, probable, summary
+from .rows import NOTHING
 from .tracing import trace
 
 _HEADER = "Written by `sma-actuator trace`"
@@ -140,15 +140,15 @@ def run(args: argparse.Namespace) -> int:
 
         with cluster(args.dask):
             tracing = trace(evidence, args.only, args.without, args.jobs, progress, args.explain)
-        report = summary(evidence, tracing)
-        model = extended(mapping, evidence, tracing, report, _when(find_logs(args.logs)))
+        report = summary(tracing)
+        model = extended(mapping, tracing, report, _when(find_logs(args.logs)))
     path = args.out / "model.yaml"
     args.out.mkdir(parents=True, exist_ok=True)
     if model is not None:
         Config.for_tools(model, str(path))
         report["model_file"] = str(path)
         write_parameter_file(path, model, f"{_HEADER}; the evidence is in report.html beside it.")
-    write_page(args.out / "report.html", evidence, tracing, report, args.explain)
+    write_page(args.out / "report.html", tracing, report, args.explain)
     text = json.dumps(report, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     write_atomically(args.out / "report.json", lambda stream: stream.write(text.encode()))
     write_json(args, report)
@@ -230,12 +230,11 @@ def _isolability(args: argparse.Namespace) -> int:
 def trace_logs(paths: Sequence[Path], config: Path, options: Mapping[str, Any]) -> list[Finding]:
     """The work on one log of a fleet."""
     mapping = read_parameter_file(config)
-    evidence = Evidence(
-        read_logs(paths, options["reading"]), Config.for_tools(mapping, str(config)), options["beyond_floor"]
-    )
+    logs = read_logs(paths, options["reading"])
+    evidence = Evidence(logs, Config.for_tools(mapping, str(config)), options["beyond_floor"])
     tracing = trace(evidence, options["only"], options["without"], jobs=1)
-    report = summary(evidence, tracing)
-    model = extended(mapping, evidence, tracing, report, "")
+    report = summary(tracing)
+    model = extended(mapping, tracing, report, "")
     return [
         Finding(
             verdict=report["verdict"],

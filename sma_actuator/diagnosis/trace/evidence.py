@@ -12,6 +12,7 @@ import copy
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -35,17 +36,13 @@ SOUGHT_IN_READINGS = 5.0
 
 
 class Evidence:
-    """Logs of one wire and what they witness; :meth:`residual` is what a fit makes small.
+    """Logs of one wire and what they witness; :meth:`compare` holds a model with some effects against that.
 
     Raises BenchLogError: no reference, another wire, a channel that does not move, less than a cycle.
     """
 
-    def __init__(
-        self, logs: Sequence[BenchLog], config: Config, beyond_floor: bool = False, readings: float = math.inf
-    ):
-        """``beyond_floor``: count also what was there at the calibration, as the model's and not as its floor;
-        ``readings``: so many within the wire's time constant are enough."""
-        self._given = logs, config
+    def __init__(self, logs: Sequence[BenchLog], config: Config, beyond_floor: bool = False):
+        """``beyond_floor``: count also what was there at the calibration, as the model's and not as its floor."""
         self.beyond_floor = beyond_floor
         self.config = dataclasses.replace(config, effects=Effects())
         self.base: Mapping[str, Effect] = config.effects.active
@@ -53,18 +50,9 @@ class Evidence:
         self.place = place_of(config)
         self.full_stroke_m = config.wire.full_stroke_m
         self._followed = Remembered()
-        self.logs = Prepared(logs, self.config, lambda: self.chain({}), readings)
-        self.unit, self.units = self.logs.units(self._independent_s)
-        self.of_displacement = Residual(self.logs, self.unit, config, self.calibration, self.place, self.chain({}))
-        if beyond_floor:
-            self.of_displacement.take_typical(self.predict({}))
-        else:
-            self.of_displacement.take_floor(self.chain({}))
-        self.of_rests = Rests(self.logs, self.unit, config, self.calibration)
-        self.of_springs = Springs(self.logs, self.unit, self.full_stroke_m)
-        self.of_power = Power(self.logs, self.unit, config, self.calibration)
-        self._rows()
-        error = float(np.mean(errors_percent(self, self.predict({}))))
+        prepared = Prepared(logs, self.config, lambda: self.chain({}), self._independent_s)
+        self._witnessed_by(prepared)
+        error = float(np.mean(self.compare({}).errors_percent))
         if error > HOPELESS_percent:
             raise BenchLogError(
                 f"{self.logs.experiments[0].log.source}: the model errs by {error:.0f} % of full stroke on these logs; "
@@ -73,7 +61,9 @@ class Evidence:
 
     def seldom_and_anywhere(self) -> Evidence:
         """The same logs in as many readings as it takes to look for effects, with one floor wherever the wire was."""
-        out = Evidence(*self._given, readings=SOUGHT_IN_READINGS)
+        out = copy.copy(self)
+        out._followed = Remembered()
+        out._witnessed_by(self.logs.seldom(SOUGHT_IN_READINGS))
         out.of_displacement.take_one_floor()
         return out
 
@@ -84,21 +74,31 @@ class Evidence:
         out.of_displacement.take_floor(self.chain(effects))
         return out
 
-    def _rows(self) -> None:
-        """Which unit and which witness each row of the residual belongs to, and its weight."""
+    def _witnessed_by(self, logs: Prepared) -> None:
+        """What logs witness, a row each: how far off, in which unit, by which witness and of what weight."""
+        self.logs, config = logs, self.config
+        self.unit, self.units = logs.unit, logs.units
+        self.of_displacement = Residual(logs, config, self.calibration, self.place, self.chain({}))
+        if self.beyond_floor:
+            self.of_displacement.take_typical(self.predict({}))
+        else:
+            self.of_displacement.take_floor(self.chain({}))
+        self.of_rests = Rests(logs, config, self.calibration)
+        self.of_springs = Springs(logs, self.full_stroke_m)
+        self.of_power = Power(logs, config, self.calibration)
         samples = self.of_displacement.row_units
         per_unit = np.maximum(np.bincount(samples, minlength=self.units), 1)
         #: Samples of every unit that say something new, shape (units,).
-        self.independent = np.minimum(self.independent_in(self.logs.lasts_s(self.unit, self.units)), per_unit)
+        self.independent = np.minimum(self.independent_in(logs.lasts_s), per_unit)
         self.sample_weight = np.sqrt(self.independent / per_unit)[samples]
-        self.unit_of_row = np.concatenate((samples, *(witness.row_units for witness in self._others)))
+        self.unit_of_row = np.concatenate((samples, *(witness.row_units for witness in self.others)))
         self.rows_of_samples = len(samples)
-        of_others = [w.row_names + WITNESSES.index(w.names[0]) for w in self._others]
+        of_others = [w.row_names + WITNESSES.index(w.names[0]) for w in self.others]
         #: Number of the witness of every row, into WITNESSES; -1 of the residual's.
         self.witness_of_row = np.concatenate((np.full(len(samples), -1), *of_others))
 
     @property
-    def _others(self) -> tuple[Witness, ...]:
+    def others(self) -> tuple[Witness, ...]:
         """The witnesses beside the displacement, in the order of their rows."""
         return self.of_rests, self.of_springs, self.of_power
 
@@ -120,68 +120,52 @@ class Evidence:
         """As how many readings without a common error the logs count: a session as so many at the most."""
         return min(float(self.independent.sum()), LIMITS.readings * sum(self.logs.begins))
 
+    def compare(self, effects: Mapping[str, Effect]) -> Comparison:
+        """Every log beside the model with ``effects`` beside those that it has."""
+        return Comparison(self, self.predict(effects))
+
     def predict(self, effects: Mapping[str, Effect]) -> list[Prediction]:
-        """Every log through the chain with ``effects`` beside those that the model has."""
+        """What that model predicts of every log."""
         return self.through(self.chain(effects))
 
     def chain(self, effects: Mapping[str, Effect]) -> Chain:
-        """The model's chain with ``effects`` beside those that it has."""
+        """Its chain."""
         return FollowedAnew(self.config, {**self.base, **effects}, self._followed)
 
     def through(self, chain: Chain) -> list[Prediction]:
-        """Every log through a chain."""
-        out = []
+        """What a chain predicts of every log."""
         # What other surroundings do is unexpected, until they are what is held against it.
         ambient_counts = any(effect.ALLOWS_FOR_AMBIENT for effect in chain.effects)
-        for i, (p, (_, kept), here) in enumerate(
-            zip(self.logs.followed_by(chain), self.logs.seen, self.logs.compared_seen, strict=True)
-        ):
-            expected_m = self.of_displacement.expected_m(i, p, here, ambient_counts)
-            where = Where(chain, self.place, p, expected_m)
-            shown_beside_m = where.shown_beside_the_model_m()
-            out.append(
-                Prediction(
-                    shown_m=p.shown_m[kept],
-                    model_m=p.model_m[kept],
-                    sensor_m=where.beyond_the_load_m()[kept],
-                    beside_m=(p.shown_m - p.model_m + shown_beside_m - expected_m)[kept],
-                    expected_m=shown_beside_m[here],
-                    heating=p.branch[kept].astype(bool),
-                    resistance_Ohm=p.resistance_Ohm[kept],
-                    power_W=p.signals.power_W[kept],
-                    heat_W=p.heat_W[kept],
-                    stress_Pa=p.signals.stress_Pa[kept],
-                    elapsed_s=p.elapsed_s[kept],
-                )
-            )
-        return out
-
-    def residual(self, effects: Mapping[str, Effect]) -> np.ndarray:
-        """Rows to be made small by a fit of ``effects`` (see :meth:`rows`)."""
-        return self.rows(self.predict(effects))
-
-    def rows(self, predictions: Sequence[Prediction]) -> np.ndarray:
-        """Rows of which half the squares, summed over a cycle, are that cycle's loss.
-
-        Samples first, log after log, then each of the other witnesses; in standard deviations, Huber-limited.
-        """
-        samples = limited(self.of_displacement.off(predictions)) * self.sample_weight
-        others = np.concatenate([witness.off(predictions) for witness in self._others])
-        return np.concatenate((samples, limited(others)))
-
-    def off(self, predictions: Sequence[Prediction]) -> np.ndarray:
-        """The same rows without Huber's limit: in proportion to what an effect moves."""
-        samples = np.nan_to_num(self.of_displacement.off(predictions)) * self.sample_weight
-        return np.concatenate((samples, *(np.nan_to_num(witness.off(predictions)) for witness in self._others)))
-
-    def late(self, predictions: Sequence[Prediction]) -> np.ndarray:
-        """The rows after those of the samples: how much further off each is where the load is read one reading
-        later."""
-        return np.concatenate([witness.late(predictions) for witness in self._others])
+        followed = zip(self.logs.followed_by(chain), self.logs.seen, self.logs.compared_seen, strict=True)
+        return [
+            Where(chain, self.place, found, expected_m).predicted(kept, here)
+            for i, (found, (_, kept), here) in enumerate(followed)
+            for expected_m in [self.of_displacement.expected_m(i, found, here, ambient_counts)]
+        ]
 
     def losses(self, rows: np.ndarray) -> np.ndarray:
-        """Loss of every unit, shape (units,)."""
+        """Loss of every unit, shape (units,), of the rows of a :class:`Comparison`."""
         return 0.5 * np.bincount(self.unit_of_row, rows**2, minlength=self.units)
+
+    def means(self, of_compared: np.ndarray) -> np.ndarray:
+        """Mean in every unit of something of the samples compared, shape (units,)."""
+        return _means(of_compared, self.of_displacement.row_units, self.units)
+
+    @property
+    def floor_percent(self) -> float:
+        """Unexpected residual of a model that lacks nothing, in the mean, % of full stroke."""
+        if self.beyond_floor:
+            return 0.0
+        floor_m = self.means(np.concatenate(self.of_displacement.floor_m))
+        return float((floor_m / self.full_stroke_m * 100).mean())
+
+    @property
+    def expected_loss(self) -> float:
+        """Mean loss of a cycle that is like those of the calibration."""
+        if self.beyond_floor:
+            return 0.0
+        others = len(self.unit_of_row) - self.rows_of_samples
+        return 0.5 * (float(self.independent.mean()) + others / self.units)
 
     def rows_by_witness(self) -> dict[str, np.ndarray]:
         """Which rows each witness has (bool): the residual first, then those of WITNESSES of which there is
@@ -189,24 +173,62 @@ class Evidence:
         named = {name: self.witness_of_row == k for k, name in enumerate((*Residual.names, *WITNESSES), -1)}
         return {name: rows for name, rows in named.items() if rows.any()}
 
-    def witnesses(self, rows: np.ndarray, units: np.ndarray) -> dict[str, float]:
-        """How far each of WITNESSES is off in some units (bool), rms in standard deviations of the calibration.
 
-        Without those of which there is nothing.
-        """
-        chosen = units[self.unit_of_row] & (self.witness_of_row >= 0)
-        witness, off = self.witness_of_row[chosen], rows[chosen]
-        number = np.bincount(witness, minlength=len(WITNESSES))
-        squares = np.bincount(witness, off**2, minlength=len(WITNESSES))
-        return {name: math.sqrt(s / n) for name, s, n in zip(WITNESSES, squares, number, strict=True) if n}
+class Comparison:
+    """Evidence beside a model with some effects: what it predicts, and how far off that is.
+
+    Rows of a log's samples first, log after log, then of each of the other witnesses; in standard deviations of what is
+    usual.
+    """
+
+    def __init__(self, evidence: Evidence, predictions: list[Prediction]):
+        self.evidence, self.predictions = evidence, predictions
+
+    @cached_property
+    def rows(self) -> np.ndarray:
+        """Huber-limited: half their squares, summed over a cycle, are that cycle's loss, which a fit makes small."""
+        others = np.concatenate([witness.off(self.predictions) for witness in self.evidence.others])
+        return np.concatenate((limited(self._of_samples) * self.evidence.sample_weight, limited(others)))
+
+    @cached_property
+    def off(self) -> np.ndarray:
+        """The same without that limit: in proportion to what an effect moves."""
+        others = (np.nan_to_num(witness.off(self.predictions)) for witness in self.evidence.others)
+        return np.concatenate((np.nan_to_num(self._of_samples) * self.evidence.sample_weight, *others))
+
+    @property
+    def late(self) -> np.ndarray:
+        """The rows after those of the samples: how much further off each is where the load is read one reading
+        later."""
+        return np.concatenate([witness.late(self.predictions) for witness in self.evidence.others])
+
+    @property
+    def _of_samples(self) -> np.ndarray:
+        return self.evidence.of_displacement.off(self.predictions)
+
+    @property
+    def unexpected_m(self) -> np.ndarray:
+        """Measured less shown displacement beyond what the calibration lets expect, of the samples compared."""
+        return np.concatenate(self.evidence.of_displacement.unexpected_m(self.predictions))
+
+    @property
+    def unexpected_percent(self) -> np.ndarray:
+        """Mean absolute size of that in every unit, % of full stroke, shape (units,)."""
+        mean_m = self.evidence.means(np.abs(self.unexpected_m))
+        return mean_m / self.evidence.full_stroke_m * 100
+
+    @property
+    def errors_percent(self) -> np.ndarray:
+        """Mean absolute error of every unit, % of full stroke, shape (units,)."""
+        e = self.evidence
+        error_m = np.concatenate(
+            [np.abs(m - p.shown_m) for m, p in zip(e.logs.measured_m, self.predictions, strict=True)]
+        )
+        good = np.isfinite(error_m)
+        return _means(error_m[good], np.concatenate(e.unit)[good], e.units) / e.full_stroke_m * 100
 
 
-def errors_percent(evidence: Evidence, predictions: Sequence[Prediction]) -> np.ndarray:
-    """Mean absolute error of every unit, % of full stroke, shape (units,)."""
-    error_m = np.concatenate(
-        [np.abs(m - p.shown_m) for m, p in zip(evidence.logs.measured_m, predictions, strict=True)]
-    )
-    unit, good = np.concatenate(evidence.unit), np.isfinite(error_m)
-    number = np.bincount(unit[good], minlength=evidence.units)
-    sums_m = np.bincount(unit[good], error_m[good], minlength=evidence.units)
-    return sums_m / np.maximum(number, 1) / evidence.full_stroke_m * 100
+def _means(values: np.ndarray, unit: np.ndarray, units: int) -> np.ndarray:
+    """Mean in every unit, shape (units,); what is not finite counts as nothing."""
+    number = np.bincount(unit, minlength=units)
+    return np.bincount(unit, np.nan_to_num(values), minlength=units) / np.maximum(number, 1)

@@ -9,10 +9,10 @@ import numpy as np
 
 from sma_actuator.estimation.effects import Effect
 
-from .amounts import unexpected_percent
 from .candidates import Candidate
 from .covariance import Covariance
-from .evidence import Evidence, errors_percent
+from .errors import Errors, off_by_witness
+from .evidence import Evidence
 from .likeliest import WIDEST, Likeliest, likeliest
 from .limits import LIMITS
 
@@ -26,11 +26,7 @@ class Fit:
     candidates: tuple[Candidate, ...]
     values: dict[str, dict[str, float]]  #: by effect and parameter
     intervals: dict[str, dict[str, tuple[float, float]]]  #: 95 %, cycles taken as independent, samples not
-    losses: np.ndarray  #: of every unit, by the fit to all of them, shape (units,)
-    held_out: np.ndarray  #: of every unit, by a fit that has not seen it, shape (units,)
-    held_out_rows: np.ndarray  #: rows of the evidence by the same fits
-    held_out_percent: np.ndarray  #: mean absolute error of every unit by the same fits, % of full stroke
-    held_out_unexpected_percent: np.ndarray  #: and what of it the calibration does not let expect
+    held_out: Errors  #: by fits that have not seen the unit
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -66,28 +62,18 @@ def fit(
 def fit_of(evidence: Evidence, found: Likeliest, covariance: Covariance, seen: np.ndarray | None = None) -> Fit:
     """The same of what is likeliest already."""
     seen = np.ones(evidence.units, dtype=bool) if seen is None else seen
-    held_out_rows, held_out_percent, held_out_unexpected_percent = _held_out(evidence, found, covariance, seen)
     return Fit(
         candidates=found.candidates,
         values=found.values,
         intervals=_intervals(evidence, found, covariance, seen[evidence.unit_of_row]),
-        losses=evidence.losses(found.rows),
-        held_out=evidence.losses(held_out_rows),
-        held_out_rows=held_out_rows,
-        held_out_percent=held_out_percent,
-        held_out_unexpected_percent=held_out_unexpected_percent,
+        held_out=_held_out(evidence, found, covariance, seen),
     )
 
 
-def _held_out(
-    evidence: Evidence, found: Likeliest, covariance: Covariance, seen: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows and errors by fits that have not seen each unit: one Gauss-Newton step from the joint fit is as good as a
-    new one."""
-    problem = found.problem
-    held_out_rows = found.rows.copy()
-    at = evidence.predict(found.effects)
-    percent, not_expected_percent = errors_percent(evidence, at), unexpected_percent(evidence, at)
+def _held_out(evidence: Evidence, found: Likeliest, covariance: Covariance, seen: np.ndarray) -> Errors:
+    """Errors by fits that have not seen each unit: one Gauss-Newton step from the joint fit is as good as a new one."""
+    problem, joint = found.problem, evidence.compare(found.effects)
+    held_out_rows, percent, unexpected_percent = found.rows.copy(), joint.errors_percent, joint.unexpected_percent
     numbered = np.flatnonzero(seen)
     for k in range(FOLDS):
         left_out = numbered[k::FOLDS]
@@ -99,15 +85,15 @@ def _held_out(
         before = problem.cost(of_others, found.rows[rows], found.u)
         for share in (1.0, 0.3):  # it may be too curved for a whole step
             moved = problem.clipped(found.u + share * np.clip(step, -2.0, 2.0))
-            predictions = evidence.predict(problem.effects(moved))
-            there = evidence.rows(predictions)
-            if problem.cost(of_others, there[rows], moved) <= 1.02 * before:
+            there = evidence.compare(problem.effects(moved))
+            if problem.cost(of_others, there.rows[rows], moved) <= 1.02 * before:
                 break
         hidden = np.isin(evidence.unit_of_row, left_out)
-        held_out_rows[hidden] = there[hidden]
-        percent[left_out] = errors_percent(evidence, predictions)[left_out]
-        not_expected_percent[left_out] = unexpected_percent(evidence, predictions)[left_out]
-    return held_out_rows, percent, not_expected_percent
+        held_out_rows[hidden] = there.rows[hidden]
+        percent[left_out] = there.errors_percent[left_out]
+        unexpected_percent[left_out] = there.unexpected_percent[left_out]
+    losses, witnesses = evidence.losses(held_out_rows), off_by_witness(evidence, held_out_rows)
+    return Errors(joint, losses, percent, unexpected_percent, witnesses)
 
 
 def _intervals(evidence: Evidence, found: Likeliest, covariance: Covariance, rows: np.ndarray) -> dict:

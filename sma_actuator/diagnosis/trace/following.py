@@ -19,6 +19,8 @@ from sma_actuator.estimation.chain import Chain, Judged
 from sma_actuator.estimation.effects import Effect
 from sma_actuator.estimation.effects.frame import Frame, Place
 
+from .witnesses import Prediction
+
 AFTER_THE_MODEL = ("at_displacement", "shown")  #: stages of the chain
 SMOOTHED_s = 0.3  #: within which a wire does not go to and fro
 
@@ -49,6 +51,23 @@ class Where:
         """How much further than where the load pulls the sensor shows the joint."""
         true_m = self.found.model_m + self.expected_m
         return self._through(true_m, steady=True, beyond_the_load=True) - true_m
+
+    def predicted(self, kept: np.ndarray | slice, compared: np.ndarray) -> Prediction:
+        """What all this predicts of the samples ``kept`` of the log; ``compared``: those that a residual is made of."""
+        p, shown_beside_m = self.found, self.shown_beside_the_model_m()
+        return Prediction(
+            shown_m=p.shown_m[kept],
+            model_m=p.model_m[kept],
+            sensor_m=self.beyond_the_load_m()[kept],
+            beside_m=(p.shown_m - p.model_m + shown_beside_m - self.expected_m)[kept],
+            expected_m=shown_beside_m[compared],
+            heating=p.branch[kept].astype(bool),
+            resistance_Ohm=p.resistance_Ohm[kept],
+            power_W=p.signals.power_W[kept],
+            heat_W=p.heat_W[kept],
+            stress_Pa=p.signals.stress_Pa[kept],
+            elapsed_s=p.elapsed_s[kept],
+        )
 
     def _through(self, displacement_m: np.ndarray, steady: bool = False, beyond_the_load: bool = False) -> np.ndarray:
         """What the sensor shows of a displacement; ``beyond_the_load``: by what comes after the place that the load

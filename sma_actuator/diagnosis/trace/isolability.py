@@ -20,13 +20,13 @@ import numpy as np
 from sma_actuator.base.one_thread import one_thread
 from sma_actuator.base.parameters import declaration_of
 from sma_actuator.calibration.rest import SPREAD
-from sma_actuator.estimation.effects import EFFECTS, Effect
+from sma_actuator.estimation.effects import Effect
 
-from .amounts import floor_percent
-from .candidates import Candidate, candidate, scales_of, untestable
+from .candidates import Candidate, field
 from .evidence import Evidence
 from .experiments import after_the_session, experiments, shown_m
-from .hypotheses import Rows
+from .rows import Rows
+from .scales import scales_of
 from .sensitivity import built, probes, shapes, sizes
 
 SURE = math.log(9.0)  #: nats between two names from which one has 90 %
@@ -93,19 +93,17 @@ def isolability(evidence: Evidence, without: Sequence[str] = ()) -> Isolability:
     Raises BenchLogError as :class:`Evidence` does.
     """
     scales = scales_of(evidence)
-    names = [name for name in EFFECTS if name not in without]
-    reasons = untestable(names, scales)
-    candidates = [candidate(name, scales) for name in names if name not in reasons]
+    looked_at = field(scales, only=(), without=without, explain=())
     tried = list(experiments(evidence))
     moves, beyond = [], []
     rows = Rows(evidence)
     plain, plain_there = rows.off, _there(rows, {}, tried)
-    for c in candidates:
+    for c in looked_at.candidates:
         own, all_, there = [], [], []
         for number, shape in enumerate(shapes(c, scales.duration_s)):
             for probe in probes(c):
                 effects, share = {c.name: built(c, shape, probe)}, probe[np.flatnonzero(probe)[0]]
-                moved = (evidence.off(evidence.predict(effects)) - plain) / share
+                moved = (evidence.compare(effects).off - plain) / share
                 all_.append(rows.usual.whiten(moved))
                 after = _there(rows, effects, tried)
                 there.append([(a - b) / share for a, b in zip(after, plain_there, strict=True)])
@@ -133,7 +131,7 @@ def isolability(evidence: Evidence, without: Sequence[str] = ()) -> Isolability:
             )
         )
     told.sort(key=lambda tells: -tells.bits)
-    return Isolability(apart, reasons, known, math.log2(max(len(moves), 1)), tuple(told))
+    return Isolability(apart, looked_at.untestable, known, math.log2(max(len(moves), 1)), tuple(told))
 
 
 def _there(rows: Rows, effects: dict[str, Effect], tried: Sequence[tuple[str, Any]]) -> list[np.ndarray]:
@@ -141,7 +139,7 @@ def _there(rows: Rows, effects: dict[str, Effect], tried: Sequence[tuple[str, An
     are."""
     evidence = rows.evidence
     chain = after_the_session(evidence, effects)
-    sigma_m = SPREAD * floor_percent(evidence) / 100.0 * evidence.full_stroke_m
+    sigma_m = SPREAD * evidence.floor_percent / 100.0 * evidence.full_stroke_m
     out = []
     for _, signals in tried:
         duration_s, n = float(np.ptp(signals.time_s)), len(signals.time_s)

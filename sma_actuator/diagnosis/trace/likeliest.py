@@ -119,7 +119,7 @@ class Problem:
 
     def residual(self, u: np.ndarray) -> np.ndarray:
         """Rows of the evidence."""
-        return self.evidence.residual(self.effects(u))
+        return self.evidence.compare(self.effects(u)).rows
 
     def jacobian(self, u: np.ndarray, at_u: np.ndarray) -> np.ndarray:
         """Its slopes, (rows, len(u)); ``at_u``: the rows there."""
@@ -457,7 +457,7 @@ def _scan(search: _Search, candidate: Candidate, u: np.ndarray) -> list[float]:
     others = np.arange(len(u)) != size
     nothing, probe = changed(u, size, 0.0), changed(u, size, PROBE)
     at = problem.residual(nothing)
-    there, here = (evidence.off(evidence.predict(problem.effects(values))) for values in (probe, nothing))
+    there, here = (evidence.compare(problem.effects(values)).off for values in (probe, nothing))
     elapsed_s = np.concatenate(
         [p.elapsed_s[rows] for p, rows in zip(evidence.predict({}), evidence.logs.compared, strict=True)]
     )

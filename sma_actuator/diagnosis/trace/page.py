@@ -11,9 +11,9 @@ import numpy as np
 from sma_actuator.estimation.effects import EFFECTS, QUANTITIES
 from sma_actuator.report import Page, figure
 
-from .analysis import quantities, residual_m
-from .evidence import Evidence
+from .evidence import Comparison
 from .isolability import size_in_words, tells_in_words
+from .quantities import quantities
 from .report import LEAST_SAID, explained
 from .tracing import Tracing
 
@@ -23,22 +23,20 @@ _MOST_POINTS = 6000
 BEFORE, AFTER = {"color": "tab:red", "label": "before"}, {"color": "tab:blue", "label": "after"}
 
 
-def write_page(
-    path: Path, evidence: Evidence, tracing: Tracing, report: dict[str, Any], explain: Sequence[str] = ()
-) -> None:
+def write_page(path: Path, tracing: Tracing, report: dict[str, Any], explain: Sequence[str] = ()) -> None:
     """Write the page, whole or not at all; ``explain``: names of which it says in a picture what speaks for and
     against."""
     page = Page("What the model lacks", report["sentence"])
-    _residual(page, evidence, tracing)
+    _residual(page, tracing)
     _what_to_do(page, report)
     _numbers(page, report)
     _probable(page, report)
-    _loop(page, evidence, tracing)
+    _loop(page, tracing)
     _why(page, report)
     _for_and_against(page, explained(report, explain))
     if tracing.fit is not None:
-        _tell_tale(page, evidence, tracing, tracing.fit.names)
-    _rests(page, evidence, tracing, report)
+        _tell_tale(page, tracing, tracing.fit.names)
+    _rests(page, tracing, report)
     _dependence(page, report)
     _the_rest(page, report)
     page.write(path)
@@ -184,13 +182,18 @@ def _probable(page: Page, report: dict[str, Any]) -> None:
     page.figure(drawing, f"Of all that may have happened, by what the logs say; {caption}.")
 
 
+def _both(tracing: Tracing) -> list[tuple[Comparison, dict[str, str]]]:
+    """The model before and after, with how each is drawn."""
+    return [(tracing.before.comparison, BEFORE), (tracing.after.comparison, AFTER)]
+
+
 def _some(n: int) -> slice:
     return slice(None, None, max(1, n // _MOST_POINTS))
 
 
-def _residual(page: Page, evidence: Evidence, tracing: Tracing) -> None:
+def _residual(page: Page, tracing: Tracing) -> None:
     drawing, axes = figure(1, 1, width_in=10.0)
-    ax = axes[0, 0]
+    ax, evidence = axes[0, 0], tracing.evidence
     offset_s, one_session = 0.0, len(evidence.logs.sessions) == 1
     for i, experiment in enumerate(evidence.logs.experiments):
         time_s = experiment.signals.time_s - (
@@ -198,8 +201,8 @@ def _residual(page: Page, evidence: Evidence, tracing: Tracing) -> None:
         )
         offset_s = float(time_s[-1]) * 1.02
         few = _some(len(time_s))
-        for which, style in (("before", BEFORE), ("after", AFTER)):
-            error_m = evidence.logs.measured_m[i] - tracing.predictions[which][i].shown_m
+        for one, style in _both(tracing):
+            error_m = evidence.logs.measured_m[i] - one.predictions[i].shown_m
             label = style["label"] if i == 0 else None
             ax.plot(time_s[few], error_m[few] * _MM, lw=0.7, color=style["color"], label=label)
     ax.set(xlabel="time [s]" + ("" if one_session else ", log after log"), ylabel="measured − estimated [mm]")
@@ -207,21 +210,21 @@ def _residual(page: Page, evidence: Evidence, tracing: Tracing) -> None:
     page.figure(drawing, "What the model leaves over time, before and after what was found.", zoom=True)
 
 
-def _loop(page: Page, evidence: Evidence, tracing: Tracing) -> None:
+def _loop(page: Page, tracing: Tracing) -> None:
     page.heading("Resistance and displacement")
-    drawing, axes = figure(2, 1)
+    evidence, (drawing, axes) = tracing.evidence, figure(2, 1)
     worst = int(
         np.argmax(
             [
                 np.mean(np.abs(m - p.shown_m))
-                for m, p in zip(evidence.logs.measured_m, tracing.predictions["before"], strict=True)
+                for m, p in zip(evidence.logs.measured_m, tracing.before.comparison.predictions, strict=True)
             ]
         )
     )
     experiment = evidence.logs.experiments[worst]
     few = _some(len(experiment.log))
-    for ax, (which, style) in zip(axes[0], (("before", BEFORE), ("after", AFTER)), strict=True):
-        p = tracing.predictions[which][worst]
+    for ax, (one, style) in zip(axes[0], _both(tracing), strict=True):
+        p = one.predictions[worst]
         ax.plot(experiment.resistance_Ohm[few], p.shown_m[few] * _MM, lw=0.8, color=style["color"], label="model")
         ax.plot(
             experiment.resistance_Ohm[few],
@@ -274,9 +277,9 @@ def _for_and_against(page: Page, rows: Sequence[dict[str, Any]]) -> None:
     page.figure(drawing, "Left of the line a witness, or a stretch of the logs, speaks against the name.")
 
 
-def _tell_tale(page: Page, evidence: Evidence, tracing: Tracing, names: Sequence[str]) -> None:
+def _tell_tale(page: Page, tracing: Tracing, names: Sequence[str]) -> None:
     page.heading("What gives it away")
-    values = quantities(evidence, tracing.predictions["before"])
+    values = quantities(tracing.before.comparison)
     drawing, axes = figure(len(names), 1)
     for ax, effect in zip(axes[0], names, strict=True):
         tell_tale = EFFECTS[effect].TELL_TALE
@@ -284,8 +287,8 @@ def _tell_tale(page: Page, evidence: Evidence, tracing: Tracing, names: Sequence
         x = values[name]
         edges = np.unique(np.quantile(x, np.linspace(0.0, 1.0, 21)))
         place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
-        for which, style in (("before", BEFORE), ("after", AFTER)):
-            error_m = residual_m(evidence, tracing.predictions[which]) * _MM
+        for one, style in _both(tracing):
+            error_m = one.unexpected_m * _MM
             number = np.bincount(place, minlength=len(edges) - 1)
             good = number > 0
             mean = np.bincount(place, error_m, minlength=len(edges) - 1)[good] / number[good]
@@ -296,7 +299,7 @@ def _tell_tale(page: Page, evidence: Evidence, tracing: Tracing, names: Sequence
     page.figure(drawing, "The residual against the quantity that gives each effect away.")
 
 
-def _rests(page: Page, evidence: Evidence, tracing: Tracing, report: dict[str, Any]) -> None:
+def _rests(page: Page, tracing: Tracing, report: dict[str, Any]) -> None:
     page.heading("The signature")
     page.table(
         ("witness", "off before", "off after", "of that explained"),
@@ -311,6 +314,7 @@ def _rests(page: Page, evidence: Evidence, tracing: Tracing, report: dict[str, A
         ],
         caption="In standard deviations of the calibration (rms), on cycles that the fit had not seen.",
     )
+    evidence = tracing.evidence
     if not any(evidence.logs.rests):
         return
     drawing, axes = figure(2, 1)
@@ -321,8 +325,8 @@ def _rests(page: Page, evidence: Evidence, tracing: Tracing, report: dict[str, A
             for r in rs
         ]
     )
-    for which, style in (("before", BEFORE), ("after", AFTER)):
-        z = evidence.of_rests.off(tracing.predictions[which]).reshape(-1, 2)
+    for one, style in _both(tracing):
+        z = evidence.of_rests.off(one.predictions).reshape(-1, 2)
         for k, ax in enumerate(axes[0]):
             ax.plot(when, z[:, k], "o", ms=3, color=style["color"], label=style["label"])
     for ax, what in zip(axes[0], ("resistance", "displacement"), strict=True):

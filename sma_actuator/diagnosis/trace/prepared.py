@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import itertools
 import math
@@ -32,32 +33,45 @@ class Prepared:
     """
 
     def __init__(
-        self, logs: Sequence[BenchLog], config: Config, chain: Callable[[], Chain], readings: float = math.inf
+        self, logs: Sequence[BenchLog], config: Config, chain: Callable[[], Chain], independent_s: float = 0.0
     ):
-        """``chain``: makes a chain of the model as it is, which drops what it cannot judge; ``readings``: so many
-        within the wire's time constant are enough."""
+        """``chain``: makes a chain of the model as it is, which drops what it cannot judge; ``independent_s``: how far
+        apart two samples are whose errors are independent."""
         by_clock = sorted(logs, key=lambda log: float(log["time_s"][0]))
         if all(log["time_s"][0] > before["time_s"][-1] for before, log in itertools.pairwise(by_clock)):
             logs = by_clock
-        time_constant_s = config.thermal.heat_capacity / config.thermal.heat_loss
-        step_s = max((log.period_s for log in logs if len(log) > 1), default=math.inf)
-        thin = max(1, math.ceil(sum(map(len, logs)) / MOST_SAMPLES), int(time_constant_s / (readings * step_s)))
-        judged = [piece for log in logs for piece in _with_a_cycle(sessions(make_experiment(log, config)), chain)]
-        self.experiments = [_moving(counted) for _, _, counted in judged]
-        cycles = sum(int(experiment.cycle.max()) for experiment in self.experiments)
+        self._time_constant_s = config.thermal.heat_capacity / config.thermal.heat_loss
+        self._period_s = max((log.period_s for log in logs if len(log) > 1), default=math.inf)
+        self._least_thin = max(1, math.ceil(sum(map(len, logs)) / MOST_SAMPLES))
+        self._independent_s = independent_s
+        self._judged = []
+        for log in logs:
+            experiment = make_experiment(log, config)
+            pieces = sessions(experiment)
+            self._judged += _with_a_cycle(pieces, chain)
+        moving = [_moving(counted) for _, _, counted in self._judged]
+        cycles = sum(int(experiment.cycle.max()) for experiment in moving)
         if cycles < FEWEST_CYCLES:
-            names = ", ".join(experiment.log.source for experiment in self.experiments)
+            names = ", ".join(experiment.log.source for experiment in moving)
             raise BenchLogError(
                 f"{names}: {cycles} cycles in all are too few to hold some out; at least {FEWEST_CYCLES} are wanted"
             )
-        self.rests: list[list[Rest]] = [
-            [rest for rest in find_rests(experiment, time_constant_s) if rest.settled]
-            for experiment in self.experiments
-        ]
-        if thin > 1:
-            self._thin(thin)
+        self._thin(self._least_thin)
+
+    def seldom(self, readings: float) -> Prepared:
+        """The same with so many readings within the wire's time constant, where there are more."""
+        out = copy.copy(self)
+        out._thin(max(self._least_thin, int(self._time_constant_s / (readings * self._period_s))))
+        return out
+
+    def _thin(self, thin: int) -> None:
+        """Take every ``thin``-th of the samples."""
+        #: Where the wire rests, in every log.
+        self.rests = [_settled(experiment, self._time_constant_s, thin) for _, _, experiment in self._judged]
         #: What the chain is given of every log, and which of it is judged.
-        self.seen = [_thinned(experiment, rows, thin) for experiment, rows, _ in judged]
+        self.seen = [_thinned(experiment, rows, thin) for experiment, rows, _ in self._judged]
+        #: That.
+        self.experiments = [_every(thin, experiment) for _, _, experiment in self._judged]
         #: Displacement by the reference sensor, of every log.
         self.measured_m = [np.ascontiguousarray(t.displacement_m) for t in self.experiments]
         starts = [float(t.signals.time_s[0]) for t in self.experiments]
@@ -72,33 +86,8 @@ class Prepared:
             np.arange(len(signals.time_s))[kept][rows]
             for (signals, kept), rows in zip(self.seen, self.compared, strict=True)
         ]
-
-    def _thin(self, thin: int) -> None:
-        rests = [
-            [dataclasses.replace(r, start=-(-r.start // thin), stop=r.stop // thin) for r in found]
-            for found in self.rests
-        ]
-        self.rests = [[r for r in found if r.stop > r.start] for found in rests]
-        self.experiments = [
-            experiment.rows(np.arange(len(experiment.log)) % thin == 0) for experiment in self.experiments
-        ]
-
-    def units(self, independent_s: float) -> tuple[list[np.ndarray], int]:
-        """Number of the unit of every sample, over all logs: a cycle, or as many as it takes to say something new.
-
-        Blocks of time where there are too few of these.  ``independent_s``: how long errors remember themselves.
-        """
-        parts, number = [], 0
-        for experiment in self.experiments:
-            unit = _lasting(experiment, UNIT_TIMES * independent_s)
-            parts.append(unit + number)
-            number += int(unit[-1]) + 1
-        if number >= FEWEST_UNITS:
-            return parts, number
-        total = sum(len(t.log) for t in self.experiments)
-        block = np.minimum(np.arange(total) * FEWEST_UNITS // total, FEWEST_UNITS - 1)
-        bounds = np.cumsum([0, *(len(t.log) for t in self.experiments)])
-        return [block[a:b] for a, b in itertools.pairwise(bounds)], FEWEST_UNITS
+        #: Number of the unit of every sample, over all logs; and how many units there are.
+        self.unit, self.units = _units(self.experiments, UNIT_TIMES * self._independent_s)
 
     def followed_by(self, chain: Chain, given: Callable[[Signals], Signals] = lambda s: s) -> Iterator[Judged]:
         """What a chain makes of every log, or of what is ``given`` it in its place.
@@ -109,12 +98,13 @@ class Prepared:
             chain.begin_session() if begins else chain.reset()
             yield chain.judge(given(signals))
 
-    def lasts_s(self, unit: Sequence[np.ndarray], units: int) -> np.ndarray:
-        """How long each unit lasts, shape (units,), by the number of every sample's (:meth:`units`)."""
-        out_s = np.zeros(units)
-        for experiment, of_sample in zip(self.experiments, unit, strict=True):
+    @property
+    def lasts_s(self) -> np.ndarray:
+        """How long each unit lasts, shape (units,)."""
+        out_s = np.zeros(self.units)
+        for experiment, of_sample in zip(self.experiments, self.unit, strict=True):
             time_s = experiment.signals.time_s
-            out_s += np.bincount(of_sample, np.diff(time_s, prepend=time_s[0]), minlength=units)
+            out_s += np.bincount(of_sample, np.diff(time_s, prepend=time_s[0]), minlength=self.units)
         return out_s
 
     @property
@@ -133,6 +123,13 @@ class Prepared:
         """Length of the longest session."""
         time_s = [t.signals.time_s for t in self.experiments]
         return max(float(time_s[on[-1]][-1] - time_s[on[0]][0]) for on in self.sessions)
+
+
+def _settled(experiment: Experiment, time_constant_s: float, thin: int) -> list[Rest]:
+    """The rests of an experiment at which the wire has come to rest, in every ``thin``-th of its samples."""
+    settled = [rest for rest in find_rests(experiment, time_constant_s) if rest.settled]
+    thinned = [dataclasses.replace(rest, start=-(-rest.start // thin), stop=rest.stop // thin) for rest in settled]
+    return [rest for rest in thinned if rest.stop > rest.start]
 
 
 def _with_a_cycle(
@@ -170,6 +167,29 @@ def _thinned(experiment: Experiment, good: np.ndarray, thin: int) -> tuple[Signa
         return experiment.signals, slice(None)
     fed = ~good | ((np.cumsum(good) - 1) % thin == 0)
     return experiment.rows(fed).signals, good[fed]
+
+
+def _every(thin: int, experiment: Experiment) -> Experiment:
+    """Every ``thin``-th of its samples."""
+    return experiment if thin == 1 else experiment.rows(np.arange(len(experiment.log)) % thin == 0)
+
+
+def _units(experiments: Sequence[Experiment], least_s: float) -> tuple[list[np.ndarray], int]:
+    """Number of the unit of every sample: a cycle, or as many as last ``least_s``, which say something new together.
+
+    Blocks of time where there are too few of these.
+    """
+    parts, number = [], 0
+    for experiment in experiments:
+        unit = _lasting(experiment, least_s)
+        parts.append(unit + number)
+        number += int(unit[-1]) + 1
+    if number >= FEWEST_UNITS:
+        return parts, number
+    total = sum(len(t.log) for t in experiments)
+    block = np.minimum(np.arange(total) * FEWEST_UNITS // total, FEWEST_UNITS - 1)
+    bounds = np.cumsum([0, *(len(t.log) for t in experiments)])
+    return [block[a:b] for a, b in itertools.pairwise(bounds)], FEWEST_UNITS
 
 
 def _lasting(experiment: Experiment, least_s: float) -> np.ndarray:

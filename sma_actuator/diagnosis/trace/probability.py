@@ -8,8 +8,8 @@ from math import log
 
 import numpy as np
 
-from .hypotheses import NOTHING, SOMETHING_ELSE, Hypothesis
 from .limits import LIMITS
+from .rows import NOTHING, SOMETHING_ELSE, Hypothesis
 
 NO_NAMES = (NOTHING, SOMETHING_ELSE)
 

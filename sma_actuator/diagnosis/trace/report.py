@@ -18,14 +18,13 @@ from sma_actuator.estimation.chain import Chain
 from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL, QUANTITIES
 
 from . import why
-from .amounts import floor_percent, samples_of_unit
-from .analysis import anatomy
+from .anatomy import anatomy
 from .evidence import Evidence
 from .experiments import best_experiment
-from .hypotheses import NOTHING, SOMETHING_ELSE, Rows
 from .likeliest import likeliest
 from .limits import LIMITS
 from .probability import NO_NAMES
+from .rows import NOTHING, SOMETHING_ELSE, Rows
 from .tracing import Tracing, of_the_model
 
 DRAWS = 1000
@@ -34,13 +33,14 @@ LEAST_SAID = 0.02  #: probability from which a name is worth a word
 DEPENDS = 0.1  #: share of the residual's mean square from which a dependence is worth naming
 
 
-def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None) -> dict[str, Any]:
+def summary(tracing: Tracing, model_file: Path | None = None) -> dict[str, Any]:
     """The report for machines; errors are mean absolute, in % of full stroke, over cycles that the fit had not seen."""
-    weight = samples_of_unit(evidence)
-    before, after = tracing.errors_percent["before"], tracing.errors_percent["after"]
-    left = anatomy(evidence, tracing.predictions["after"])
-    at_first = anatomy(evidence, tracing.predictions["before"])
-    alternatives = _alternatives(evidence, tracing)
+    evidence = tracing.evidence
+    weight = np.bincount(np.concatenate(evidence.unit), minlength=evidence.units)  # their samples
+    before, after = tracing.before.percent, tracing.after.percent
+    left = anatomy(tracing.after.comparison)
+    at_first = anatomy(tracing.before.comparison)
+    alternatives = _alternatives(tracing)
     goes_with, looks_like = _something_else(tracing)
     out: dict[str, Any] = {
         "verdict": tracing.verdict,
@@ -55,18 +55,18 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
             {"hypothesis": list(names), "probability": share} for names, share in tracing.probabilities.of.items()
         ],
         "witnesses": _witnesses(tracing),
-        "candidates": why.as_numbers(why.whys(evidence, tracing)),
+        "candidates": why.as_numbers(why.whys(tracing)),
         "untestable": [{"name": name, "reason": why} for name, why in tracing.untestable.items()],
         "error_before_pct_stroke": _mean(before, weight),
         "error_before_interval": _interval(before, weight),
         "error_after_pct_stroke": _mean(after, weight),
         "error_after_interval": _interval(after, weight),
         # Every unit weighs the same.
-        "unexpected_before_pct_stroke": float(tracing.unexpected_percent["before"].mean()),
-        "unexpected_after_pct_stroke": float(tracing.unexpected_percent["after"].mean()),
-        "floor_pct_stroke": floor_percent(tracing.evidence),
+        "unexpected_before_pct_stroke": float(tracing.before.unexpected_percent.mean()),
+        "unexpected_after_pct_stroke": float(tracing.after.unexpected_percent.mean()),
+        "floor_pct_stroke": evidence.floor_percent,
         "excess_explained": tracing.share,
-        "loss_after_over_calibration": _ratio(float(tracing.losses["after"].mean()), tracing.expected_loss),
+        "loss_after_over_calibration": _ratio(float(tracing.after.losses.mean()), evidence.expected_loss),
         "floor_from_calibration": bool(evidence.calibration.known),
         "cycles": int(evidence.units),
         "residual_before": _anatomy(at_first),
@@ -183,7 +183,7 @@ NEXT = {
 def _nothing(tracing: Tracing, share: float) -> str:
     """That nothing is missing, or that these logs do not rule out that something is, or that something is and they do
     not tell what."""
-    off = f"{tracing.unexpected_percent['before'].mean():.2f} % of full stroke"
+    off = f"{tracing.before.unexpected_percent.mean():.2f} % of full stroke"
     if share >= LIMITS.enough:
         return (
             f"Nothing is missing, with a probability of {share:.0%}: of the error {off} is not what the calibration "
@@ -196,7 +196,7 @@ def _nothing(tracing: Tracing, share: float) -> str:
         else f"Something is missing ({1.0 - share:.0%}), but these logs do not tell what"
     )
     text += (
-        f": of the error {off} is not what the calibration lets expect, where {floor_percent(tracing.evidence):.2f} % "
+        f": of the error {off} is not what the calibration lets expect, where {tracing.evidence.floor_percent:.2f} % "
         "is usual"
     )
     text += f", and it may be {_listed([f'{n} ({p:.0%})' for n, p in others[: LIMITS.names]])}." if others else "."
@@ -211,7 +211,7 @@ def _likeliest_first(tracing: Tracing) -> list[str]:
 
 
 def _said(tracing: Tracing, names: Sequence[str], alternatives: Sequence[dict[str, Any]]) -> str:
-    before, after = (float(tracing.unexpected_percent[w].mean()) for w in ("before", "after"))
+    before, after = (float(e.unexpected_percent.mean()) for e in (tracing.before, tracing.after))
     share = f"{max(1.0 - after / before, 0.0):.0%} of what is unusual in these logs"
     beside, by_name = tracing.beside, tracing.probabilities.by_name
     certain = [n for n in names if n not in beside]
@@ -223,10 +223,10 @@ def _said(tracing: Tracing, names: Sequence[str], alternatives: Sequence[dict[st
         text += f" {share}"
     else:
         text += f": that explains {share}"
-    after_it = tracing.witnesses["after"]
+    after_it = tracing.after.witnesses
     mended = [
         n
-        for n, off in tracing.witnesses["before"].items()
+        for n, off in tracing.before.witnesses.items()
         if off > UNUSUAL_sigma and after_it.get(n, off) <= UNUSUAL_sigma
     ]
     text += (
@@ -263,8 +263,8 @@ def _witnesses(tracing: Tracing) -> list[dict[str, Any]]:
     """How close what was found comes to its signature: each witness, with the share of what was unusual that is
     gone."""
     out = []
-    for name, before in tracing.witnesses["before"].items():
-        after = tracing.witnesses["after"].get(name, before)
+    for name, before in tracing.before.witnesses.items():
+        after = tracing.after.witnesses.get(name, before)
         explained = 1.0 - (after / before) ** 2 if before > UNUSUAL_sigma else None
         out.append({"name": name, "off_before": before, "off_after": after, "explained": explained})
     return out
@@ -317,14 +317,14 @@ def _shares(tracing: Tracing) -> dict[str, float]:
     return {name: float(x / total * tracing.share) for name, x in lost.items()}
 
 
-def _alternatives(evidence: Evidence, tracing: Tracing) -> list[dict[str, Any]]:
+def _alternatives(tracing: Tracing) -> list[dict[str, Any]]:
     """The other names that it may be, and the experiment that would tell each from what is most probable."""
     if tracing.verdict != "traced":
         return []
     out = []
     best = tracing.chosen
     for name, one in tracing.alternatives.items():
-        experiment = best_experiment(evidence, best.fitted.effects, one.fitted.effects)
+        experiment = best_experiment(tracing.evidence, best.fitted.effects, one.fitted.effects)
         out.append(
             {
                 "name": name,
@@ -377,9 +377,7 @@ def _plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def extended(
-    mapping: dict[str, Any], evidence: Evidence, tracing: Tracing, report: dict[str, Any], when: str
-) -> dict[str, Any] | None:
+def extended(mapping: dict[str, Any], tracing: Tracing, report: dict[str, Any], when: str) -> dict[str, Any] | None:
     """The model's parameters with what was found in them; None where nothing of it belongs into a model."""
     found = tracing.fit
     if tracing.verdict != "traced" or found is None:
@@ -390,7 +388,7 @@ def extended(
     out = dict(mapping)
     effects = dict(out.get("effects") or {})
     before, after = report["error_before_pct_stroke"], report["error_after_pct_stroke"]
-    logs = ", ".join(Path(t.log.source).name for t in evidence.logs.experiments)
+    logs = ", ".join(Path(t.log.source).name for t in tracing.evidence.logs.experiments)
     for name in names:
         c = next(c for c in found.candidates if c.name == name)
         effects[name] = {**c.fixed, **found.values[name]}
@@ -404,20 +402,20 @@ def extended(
     ]
     out["effects"] = effects
     if "calibration" in out:
-        out["calibration"] = to_mapping(_anew(out, evidence, tracing))
+        out["calibration"] = to_mapping(_anew(out, tracing))
     return out
 
 
-def _anew(mapping: dict[str, Any], evidence: Evidence, tracing: Tracing) -> Calibration:
+def _anew(mapping: dict[str, Any], tracing: Tracing) -> Calibration:
     """The calibration with what a model with new effects leaves.
 
     An effect that has come since the calibration changes how large the errors are, and not what residual to expect
     beside it; one that was there already was part of that, which is learned anew from these logs.
     """
-    full_m = evidence.full_stroke_m
+    evidence, full_m = tracing.evidence, tracing.evidence.full_stroke_m
     errors = [
         float(np.mean(np.abs(measured_m - p.shown_m))) / full_m * 100
-        for measured_m, p in zip(evidence.logs.measured_m, tracing.predictions["after"], strict=True)
+        for measured_m, p in zip(evidence.logs.measured_m, tracing.after.comparison.predictions, strict=True)
     ]
     config = Config.for_tools(mapping)
     known = dataclasses.replace(config.calibration, error=float(np.mean(errors)), largest_error=max(errors))

@@ -14,9 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from .evidence import Evidence
-from .hypotheses import Hypothesis
 from .probability import NO_NAMES
+from .rows import Hypothesis
 from .tracing import Tracing
 
 STRETCHES = 6  #: of the logs, of as many cycles each
@@ -40,17 +39,17 @@ class Why:
     by_stretch: tuple[float, ...]
 
 
-def whys(evidence: Evidence, tracing: Tracing) -> list[Why]:
+def whys(tracing: Tracing) -> list[Why]:
     """Of every hypothesis, and every name that could not be: the most probable first."""
     best = tracing.hypotheses[tracing.probabilities.best]
-    found = [_why(evidence, tracing, one, best) for one in tracing.hypotheses.values()]
+    found = [_why(tracing, one, best) for one in tracing.hypotheses.values()]
     found.sort(key=lambda why: (why.answer != GIVEN, -why.nats))
     none = [Why((n,), UNTESTABLE, f"{text}.", 0.0, None, -math.inf, {}, ()) for n, text in tracing.untestable.items()]
     return found + none
 
 
-def _why(evidence: Evidence, tracing: Tracing, one: Hypothesis, best: Hypothesis) -> Why:
-    by_row = _nats_by_row(one, best)
+def _why(tracing: Tracing, one: Hypothesis, best: Hypothesis) -> Why:
+    evidence, by_row = tracing.evidence, _nats_by_row(one, best)
     by_unit = np.bincount(evidence.unit_of_row, by_row, minlength=evidence.units)
     by_witness = {name: float(by_row[rows].sum()) for name, rows in evidence.rows_by_witness().items()}
     probability = tracing.probabilities.of.get(one.names, 0.0)
@@ -62,10 +61,8 @@ def _why(evidence: Evidence, tracing: Tracing, one: Hypothesis, best: Hypothesis
 
 def _before(tracing: Tracing, one: Hypothesis) -> float:
     """Logarithm of its probability before the logs; of what was only asked for, that of any other single name."""
-    single = max(
-        (p for names, p in tracing.before.items() if len(names) == 1 and names[0] not in NO_NAMES), default=1.0
-    )
-    return math.log(tracing.before.get(one.names) or single)
+    single = max((p for names, p in tracing.prior.items() if len(names) == 1 and names[0] not in NO_NAMES), default=1.0)
+    return math.log(tracing.prior.get(one.names) or single)
 
 
 def _nats_by_row(one: Hypothesis, best: Hypothesis) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,9 +10,9 @@ from scipy.stats import norm
 
 from sma_actuator.diagnosis.trace.candidates import Candidate
 from sma_actuator.diagnosis.trace.covariance import Covariance
-from sma_actuator.diagnosis.trace.hypotheses import objection
 from sma_actuator.diagnosis.trace.likeliest import Likeliest, beside, curved, likeliest
 from sma_actuator.diagnosis.trace.limits import LIMITS
+from sma_actuator.diagnosis.trace.rows import objection
 from sma_actuator.estimation.effects.free import Free, size
 
 NAME, N = "load_cell_drift", 200
@@ -21,7 +22,14 @@ SMOOTH = 2.0 * np.column_stack((np.linspace(-1.0, 1.0, N), np.ones(N)))
 TYPICAL = np.array([0.2, 0.05])  # N, N/s
 
 
-class Line:
+class Made:
+    """Evidence of which no more is known than its rows."""
+
+    def compare(self, effects):
+        return SimpleNamespace(rows=self.residual(effects))
+
+
+class Line(Made):
     """Evidence in which a load cell's zero and its change move every row in proportion."""
 
     def __init__(self, base):
@@ -116,7 +124,7 @@ def test_a_shape_is_found_from_whichever_start_leads_there():
     """A lag of which nothing is known but its range: there is a minimum at each end, and the deeper one wins."""
     time_s = np.linspace(0.0, 60.0, N)
 
-    class Rise:
+    class Rise(Made):
         """Rows in which something comes with a time constant."""
 
         def residual(self, effects):
@@ -138,7 +146,7 @@ def test_a_start_that_promises_less_may_lead_further():
     hidden, beside_it = np.zeros(N), np.zeros(N)
     hidden[0] = beside_it[1] = 1.0
 
-    class TwoValleys:
+    class TwoValleys(Made):
         """Rows that a short time constant nearly explains, and a certain long one."""
 
         def residual(self, effects):
@@ -157,7 +165,7 @@ def test_one_more_effect_is_sketched_with_the_shape_that_it_has_beside_the_first
     """A drift that has to take a lead's part too comes at once alone, and late beside it."""
     time_s = np.linspace(0.0, 60.0, N)
 
-    class Both:
+    class Both(Made):
         """Rows in which a lead and a drift that comes with a time constant are hidden."""
 
         def residual(self, effects):

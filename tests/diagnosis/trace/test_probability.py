@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sma_actuator.diagnosis.trace.hypotheses import NOTHING, SOMETHING_ELSE, Hypothesis
 from sma_actuator.diagnosis.trace.limits import LIMITS
 from sma_actuator.diagnosis.trace.probability import Probabilities, weighed
+from sma_actuator.diagnosis.trace.rows import NOTHING, SOMETHING_ELSE, Hypothesis
 
 
 def hypothesis(name, evidence, objection=""):

@@ -15,25 +15,20 @@ from sma_actuator.base.signals import Signals
 from sma_actuator.bench import TWINS, Spring, Weight
 from sma_actuator.config import Config
 from sma_actuator.diagnosis.trace import Evidence, trace
-from sma_actuator.diagnosis.trace.amounts import floor_percent, unexpected_percent
-from sma_actuator.diagnosis.trace.analysis import quantities
-from sma_actuator.diagnosis.trace.candidates import candidate, scales_of, untestable
+from sma_actuator.diagnosis.trace.candidates import candidate, untestable
+from sma_actuator.diagnosis.trace.errors import errors_of
+from sma_actuator.diagnosis.trace.evidence import Comparison
 from sma_actuator.diagnosis.trace.experiments import best_experiment
 from sma_actuator.diagnosis.trace.fitting import fit, fit_of
 from sma_actuator.diagnosis.trace.following import Where, smooth
-from sma_actuator.diagnosis.trace.hypotheses import (
-    GOES_WITH_NOTHING,
-    NOTHING,
-    PROMISING,
-    SOMETHING_ELSE,
-    Hypothesis,
-    Rows,
-    pairs,
-)
+from sma_actuator.diagnosis.trace.hypotheses import pairs
 from sma_actuator.diagnosis.trace.likeliest import Problem, likeliest
 from sma_actuator.diagnosis.trace.limits import LIMITS
 from sma_actuator.diagnosis.trace.probability import Probabilities
+from sma_actuator.diagnosis.trace.quantities import quantities
 from sma_actuator.diagnosis.trace.report import _words, sentence, summary
+from sma_actuator.diagnosis.trace.rows import GOES_WITH_NOTHING, NOTHING, PROMISING, SOMETHING_ELSE, Hypothesis, Rows
+from sma_actuator.diagnosis.trace.scales import scales_of
 from sma_actuator.diagnosis.trace.why import whys
 from sma_actuator.diagnosis.trace.witnesses import limited
 from sma_actuator.estimation.chain import Chain
@@ -68,7 +63,7 @@ def beside(evidence, right, wrong):
     """(tracing of a name alone, why another was not given beside it)."""
     found = trace(evidence, only=[right], jobs=1, explain=[wrong])
     assert found.verdict == "traced"
-    return found, next(why for why in whys(evidence, found) if why.names == (wrong,))
+    return found, next(why for why in whys(found) if why.names == (wrong,))
 
 
 #: A session of two logs takes twice the time, of driving it and of every fit, and most of it one shows as well.
@@ -119,7 +114,7 @@ def test_what_is_hidden_is_most_probable_and_its_size_within_its_interval(wire, 
     low, high = found.fit.intervals[name][parameter]
     assert low <= value <= high or found.fit.values[name][parameter] == pytest.approx(value, rel=0.05)
     assert sum(found.probabilities.of.values()) == pytest.approx(1.0)
-    assert found.errors_percent["after"].mean() < 0.6 * found.errors_percent["before"].mean()
+    assert found.after.percent.mean() < 0.6 * found.before.percent.mean()
 
 
 @pytest.mark.long
@@ -127,7 +122,7 @@ def test_however_small_the_error_a_rest_that_does_not_repeat_says_that_something
     """A zero error of the voltage moves the resistance at the bias current by far more than it ever scatters."""
     found = traced(wire, config, {"voltage_offset": 1.5e-3})
     cold = "resistance at cold rest"
-    assert found.witnesses["before"][cold] > 3.0 * trace(clean, jobs=1).witnesses["before"][cold]
+    assert found.before.witnesses[cold] > 3.0 * trace(clean, jobs=1).before.witnesses[cold]
     assert found.verdict == "traced" and found.fit.names == ("voltage_offset",)
 
 
@@ -158,7 +153,7 @@ def test_what_has_no_name_stays_without(wire, config, hidden, by_its_form, witho
     said = sentence(found, {}, [])
     assert "There is an error that no candidate explains" in said
     # What was fitted is worth a word only where the model is better with it than without.
-    assert np.mean(found.unexpected_percent["after"]) <= np.mean(found.unexpected_percent["before"])
+    assert np.mean(found.after.unexpected_percent) <= np.mean(found.before.unexpected_percent)
     assert (found.fit is not None) == ("would take off part of it" in said)
     something = found.hypotheses[SOMETHING_ELSE,]
     goes_with = something.goes_with
@@ -170,7 +165,7 @@ def test_what_has_no_name_stays_without(wire, config, hidden, by_its_form, witho
 def test_an_effect_with_which_the_model_is_worse_than_without_is_none(wire, config):
     """Errors that are usual together are cheap, so a lead may seem likely that makes all errors larger."""
     found = traced(wire, config, {"lvdt_nonlinearity": 4e-4})
-    before = found.losses["before"].sum()
+    before = found.before.losses.sum()
     fitted = [one for one in found.hypotheses.values() if one.found]
     worse = [one for one in fitted if 0.5 * np.sum(one.fitted.rows**2) > 1.001 * before]
     assert ("lead_resistance",) in {one.names for one in worse}
@@ -197,7 +192,7 @@ def test_a_name_needs_its_signature_however_well_it_fits(wire, config, logs):
     evidence = Evidence(session(wire[0], {"lead_resistance": 0.06}, logs=logs), config)
     right, wrong = beside(evidence, "lead_resistance", "slip")
     cold = "resistance at cold rest"
-    assert right.witnesses["before"][cold] > 4.0 > 2.0 > right.witnesses["after"][cold]
+    assert right.before.witnesses[cold] > 4.0 > 2.0 > right.after.witnesses[cold]
     assert wrong.nats < -3.0 and wrong.by_witness[cold] < 0.0
     assert trace(evidence, only=["slip"], jobs=1).verdict == "unexplained"
 
@@ -209,8 +204,7 @@ def test_a_hot_rest_counts_though_the_wire_is_not_quite_as_hot_as_at_the_calibra
     off = {}
     for hidden in ({}, {"lead_resistance": 0.03}):
         evidence = Evidence(session(wire[0], hidden, logs=logs, heat=0.85), config)
-        every = np.ones(evidence.units, dtype=bool)
-        off[len(hidden)] = evidence.witnesses(evidence.residual({}), every)["resistance at hot rest"]
+        off[len(hidden)] = errors_of(evidence.compare({})).witnesses["resistance at hot rest"]
     assert 0.0 < off[0] < 1.0 and off[1] > off[0] + 1.0
 
 
@@ -221,7 +215,7 @@ def test_a_spring_tells_a_drifting_sensor_from_a_creeping_wire(wire, config, log
     evidence = Evidence(session(wire[0], hidden, load=Spring(300.0, 0.5), logs=logs), config)
     right, wrong = beside(evidence, "reference_drift", "creep")
     line = "load against displacement"
-    assert right.witnesses["before"][line] > 3.0 > 0.5 > right.witnesses["after"][line]
+    assert right.before.witnesses[line] > 3.0 > 0.5 > right.after.witnesses[line]
     assert wrong.nats < -1.0 and wrong.by_witness[line] < 0.0
 
 
@@ -262,7 +256,7 @@ def test_the_power_to_transform_tells_a_changed_heat_loss_from_a_wire_whose_resi
     evidence = Evidence(session(wire[0], {"heat_loss": -0.4}, logs=logs), config)
     right, wrong = beside(evidence, "heat_loss", "self_heating")
     assert right.fit.values["heat_loss"]["change"] == pytest.approx(-0.4, abs=0.08)
-    assert right.witnesses["before"][power] > 2.5 > 2.0 > right.witnesses["after"][power]
+    assert right.before.witnesses[power] > 2.5 > 2.0 > right.after.witnesses[power]
     assert wrong.nats < -1.0 and wrong.by_witness[power] < 0.0
 
 
@@ -371,7 +365,7 @@ def test_rerunning_gives_the_same_answer(wire, config):
     few = all_but("voltage_offset", "slip", "creep")
     a, b = (trace(Evidence(logs, config), without=few, jobs=jobs) for jobs in (1, 2))
     assert a.fit.values == b.fit.values and a.fit.names == b.fit.names
-    np.testing.assert_array_equal(a.fit.held_out, b.fit.held_out)
+    np.testing.assert_array_equal(a.fit.held_out.losses, b.fit.held_out.losses)
 
 
 # --- the evidence --------------------------------------------------------------------------------
@@ -415,13 +409,13 @@ def test_what_readings_say_is_remembered_and_comes_out_the_same(clean):
 
 def test_every_quantity_that_may_give_an_effect_away_is_looked_at(clean):
     """A tell-tale is refused at registration where it is none of these; here none of these is missing."""
-    found = quantities(clean, clean.predict({}))
+    found = quantities(clean.compare({}))
     assert set(QUANTITIES) - {"ambient_temperature_C"} <= set(found) <= set(QUANTITIES)  # not logged here
 
 
 def test_what_goes_with_the_current_goes_with_what_flows_and_not_with_its_readings_noise(clean):
     """A level that is held has the converter's noise, which the model answers through the resistance."""
-    inverse_1_A = quantities(clean, clean.predict({}))["inverse_current_1_A"]
+    inverse_1_A = quantities(clean.compare({}))["inverse_current_1_A"]
     read = [
         1.0 / t.signals.current_A[rows] for t, rows in zip(clean.logs.experiments, clean.logs.compared, strict=True)
     ]
@@ -454,17 +448,17 @@ def test_no_other_time_of_a_slip_explains_more(wire, config):
     found = likeliest(evidence, [slip], usual)
     length, time_s = found.values["slip"]["length"], found.values["slip"]["time"]
     others = [{"length": length, "time": time_s + later_s} for later_s in np.arange(-12.0, 12.0, 0.8)]
-    left = [usual.whiten(evidence.residual({"slip": slip.build(values)})) for values in others]
+    left = [usual.whiten(evidence.compare({"slip": slip.build(values)}).rows) for values in others]
     assert np.sum(usual.whiten(found.rows) ** 2) < 1.02 * min(np.sum(rows**2) for rows in left)
 
 
 def test_held_out_cycles_are_not_in_the_fit(clean):
     """An effect that is not there gains nothing on cycles it has not seen, however many parameters it has."""
     train = np.arange(clean.units) < clean.units - 3
-    base = clean.losses(clean.residual({}))
+    base = clean.losses(clean.compare({}).rows)
     for name in ("fatigue", "minor_loop_memory", "self_heating"):
         found = fit(clean, [candidate(name, scales_of(clean))], Rows(clean).usual, seen=train)
-        gain = (base - found.held_out)[train]
+        gain = (base - found.held_out.losses)[train]
         assert gain.mean() < 2.5 * gain.std(ddof=1) / np.sqrt(len(gain)) + 0.1 * base.mean()
 
 
@@ -496,7 +490,7 @@ def test_what_follows_the_wire_follows_it_and_not_the_model(clean, monkeypatch, 
     monkeypatch.setattr(clean.logs, "measured_m", followed_m)
     after, without = clean.predict({name: effect}), clean.predict({})
     of_the_model = [dataclasses.replace(a, expected_m=b.expected_m) for a, b in zip(after, without, strict=True)]
-    whole, alone, nothing = (unexpected_percent(clean, p).mean() for p in (after, of_the_model, without))
+    whole, alone, nothing = (Comparison(clean, p).unexpected_percent.mean() for p in (after, of_the_model, without))
     # What is expected is known at the readings compared, with straight lines between them.
     assert whole < 0.5 * alone < 0.2 * nothing
 
@@ -527,11 +521,11 @@ def test_a_wire_that_changed_while_it_was_calibrated_is_said_to_have(wire, confi
     longer_percent = np.concatenate(longer) / config.wire.full_stroke_m * 100
     assert 0.15 < longer_percent.min() < 0.25 and 0.45 < longer_percent.max() <= 0.5 + 1e-9
     # … and half of that may be wrong.
-    assert np.hypot(floor_percent(clean), 0.1) < floor_percent(evidence) < np.hypot(floor_percent(clean), 0.25)
+    assert np.hypot(clean.floor_percent, 0.1) < evidence.floor_percent < np.hypot(clean.floor_percent, 0.25)
     found = trace(evidence, without=all_but("voltage_offset"), jobs=1)
-    assert "hot end moved by 2.0 %" in summary(evidence, found)["sentence"]
-    assert "Train it first" in summary(evidence, found)["sentence"]
-    assert "Train it first" not in summary(clean, found)["sentence"]
+    assert "hot end moved by 2.0 %" in summary(found)["sentence"]
+    assert "Train it first" in summary(found)["sentence"]
+    assert "Train it first" not in summary(dataclasses.replace(found, evidence=clean))["sentence"]
 
 
 @pytest.mark.parametrize(
@@ -552,8 +546,8 @@ def test_the_sentence_says_what_to_do_and_what_the_model_does_once(names, end):
         probabilities=shares,
         fit=SimpleNamespace(names=names),
         beside=[],
-        unexpected_percent={"before": np.array([3.0]), "after": np.array([0.6])},
-        witnesses={"before": {}, "after": {}},
+        before=SimpleNamespace(unexpected_percent=np.array([3.0]), witnesses={}),
+        after=SimpleNamespace(unexpected_percent=np.array([0.6]), witnesses={}),
     )
     said = sentence(found, {}, [{"name": other, "experiment": {"what": "rest cold for an hour"}}])
     assert "that explains 80% of what is unusual" in said and " has a probability of 70%" in said
@@ -646,8 +640,8 @@ def a_lead(wire, config):
 
 
 def test_of_every_candidate_it_is_said_why_it_was_given_or_not(a_lead):
-    evidence, found = a_lead
-    said = {why.names: why for why in whys(evidence, found)}
+    _, found = a_lead
+    said = {why.names: why for why in whys(found)}
     assert {n for names in said for n in names} == {*EFFECTS, NOTHING, SOMETHING_ELSE}  # none is left out
     given = [why.names for why in said.values() if why.answer == "given"]
     assert given == [found.fit.names] == [found.probabilities.best]
@@ -674,19 +668,19 @@ def test_what_is_certain_is_said_though_what_is_beside_it_is_not(a_lead):
         fit=fit_of(evidence, two[0].fitted, rows.usual),
     )
     assert found.beside == ["slip", "creep"] and list(found.alternatives) == ["creep"]
-    report = summary(evidence, found)
+    report = summary(found)
     assert ", and something beside that: slip 50%, creep 25%. With slip it explains " in report["sentence"]
     assert "That it has happened has a probability of 100%." in report["sentence"]
     assert [e["name"] for e in report["effects"]] == ["lead_resistance", "slip"]
     assert [(a["name"], a["instead_of"]) for a in report["alternatives"]] == [("creep", "slip")]
-    answers = {why.names: why.answer for why in whys(evidence, found) if why.names in found.probabilities.of}
+    answers = {why.names: why.answer for why in whys(found) if why.names in found.probabilities.of}
     assert (answers[two[0].names], answers[two[1].names]) == ("refused", "alternative")
 
 
 def test_of_a_name_that_was_refused_it_is_said_which_witness_speaks_against_it(a_lead):
     """A slip moves δ once and R never."""
-    evidence, found = a_lead
-    slip = next(why for why in whys(evidence, found) if why.names == ("slip",))
+    _, found = a_lead
+    slip = next(why for why in whys(found) if why.names == ("slip",))
     at_rest = min(slip.by_witness, key=lambda name: slip.by_witness[name])
     assert slip.by_witness[at_rest] < -1.0
     if not slip.hypothesis.why_none:
@@ -694,9 +688,9 @@ def test_of_a_name_that_was_refused_it_is_said_which_witness_speaks_against_it(a
 
 
 def test_nats_by_witness_and_by_stretch_are_what_the_rows_say(a_lead):
-    evidence, found = a_lead
+    _, found = a_lead
     best = found.hypotheses[found.probabilities.best]
-    for why in whys(evidence, found):
+    for why in whys(found):
         if why.hypothesis is not None:
             says = why.hypothesis.log_likelihood - best.log_likelihood
             together = sum(why.by_witness.values())
@@ -708,7 +702,7 @@ def test_nats_by_witness_and_by_stretch_are_what_the_rows_say(a_lead):
 
 def test_what_was_not_asked_for_is_explained_too(clean):
     nothing = trace(clean, only=["lead_resistance"], jobs=1, explain=["slip", "ambient_temperature"])
-    said = {why.names: why for why in whys(clean, nothing)}
+    said = {why.names: why for why in whys(nothing)}
     assert said["slip",].answer == "refused" and "slip" not in nothing.probabilities.by_name
     assert said["ambient_temperature",].answer == "untestable"
     assert said[NOTHING,].answer == "given"
@@ -756,7 +750,7 @@ def test_the_likeliest_is_so_with_the_floor_of_where_it_has_the_wire(clean):
     floor, anywhere = (np.concatenate(e.of_displacement.floor_m) for e in (there, rows.evidence))
     assert np.ptp(floor) > 0.0 == np.ptp(anywhere)
     counts = rows.evidence.sample_weight**2
-    squares = np.sum(rows.usual.whiten(there.rows(there.predict({}))) ** 2)
+    squares = np.sum(rows.usual.whiten(there.compare({}).rows) ** 2)
     spread = 2.0 * rows.share * float(counts @ np.log(floor / anywhere))
     expected = rows.usual.log_likelihood(squares) - 0.5 * spread
     assert rows.where_it_was(nothing) == pytest.approx(expected, abs=1e-6)
@@ -932,7 +926,7 @@ def test_what_has_only_nearly_the_form_of_an_effect_is_something_else_that_looks
     assert lead.log_evidence > else_.log_evidence + 2.0
     assert sum(else_.goes_with.values()) + sum(else_.looks_like.values()) == pytest.approx(1.0)
     rows, fitted = Rows(evidence), lead.fitted
-    columns = rows.smooth.of_form(evidence.off(evidence.predict(fitted.effects)) - rows.off, over)
+    columns = rows.smooth.of_form(evidence.compare(fitted.effects).off - rows.off, over)
     more = by * columns @ np.random.default_rng(6).standard_normal(columns.shape[1])
     sides = tuple(side + more[:, None] for side in fitted.sides)
     bent = dataclasses.replace(fitted, rows=fitted.rows + more, sides=sides)
@@ -948,7 +942,7 @@ def test_what_has_only_nearly_the_form_of_an_effect_is_something_else_that_looks
 
 def test_probabilities_before_the_logs_are_of_all_that_may_happen(a_lead):
     """What has no name is likelier than two effects are, and no effect is likelier than another."""
-    before = a_lead[1].before
+    before = a_lead[1].prior
     single = {p for names, p in before.items() if len(names) == 1 and names[0] in EFFECTS}
     two = {p for names, p in before.items() if len(names) == 2}
     assert before[SOMETHING_ELSE,] == pytest.approx(2.5 * LIMITS.rare)

@@ -18,7 +18,6 @@ from sma_actuator.cli.main import main
 from sma_actuator.config import Config
 from sma_actuator.diagnosis.trace import Evidence
 from sma_actuator.diagnosis.trace.command import _next
-from sma_actuator.diagnosis.trace.evidence import errors_percent
 from sma_actuator.fleet.table import read_table
 from sma_actuator.logs.bench_log import read_bench_log, to_reading
 from sma_actuator.logs.experiments import make_experiment
@@ -125,7 +124,7 @@ def test_the_extended_model_runs_in_every_tool_and_has_the_error_that_was_report
     assert config.calibration.error == pytest.approx(np.mean(means), rel=0.05)  # of the model as it is now
     assert config.calibration.largest_error == pytest.approx(max(means), rel=0.05)
     evidence = Evidence([read_bench_log(path) for path in logs], config)
-    own = errors_percent(evidence, evidence.predict({})).mean()  # of all cycles, as the report has it
+    own = evidence.compare({}).errors_percent.mean()  # of all cycles, as the report has it
     low, high = report["error_after_interval"]  # on cycles held out
     assert low < own < high
     assert main(["replay", *logs, "--config", str(model), "--report", str(folder / "replay.html")]) == 0

@@ -24,14 +24,14 @@ class Power(Witness):
 
     names = ("power in the transformation",)
 
-    def __init__(self, logs: Prepared, unit: Sequence[np.ndarray], config: Config, calibration: Calibration):
+    def __init__(self, logs: Prepared, config: Config, calibration: Calibration):
         self.logs, self.calibration = logs, calibration
         # where none is logged, it is that until an effect says otherwise
         usual_C = calibration.usual_ambient_C(config.thermal.ambient_temperature)
         self._thermal = dataclasses.replace(config.thermal, ambient_temperature=usual_C)
         self._passages = [self._found(number) for number in range(len(logs.experiments))]
         self._remembered = Remembered()
-        units = [int(unit[i][rows[0]]) for i, found in enumerate(self._passages) for _, rows in found]
+        units = [int(logs.unit[i][rows[0]]) for i, found in enumerate(self._passages) for _, rows in found]
         self.row_units = np.array(units, dtype=int)
         self.row_names = np.zeros(len(units), dtype=int)
 

@@ -31,7 +31,6 @@ class Residual:
     def __init__(
         self,
         logs: Prepared,
-        unit: Sequence[np.ndarray],
         config: Config,
         calibration: Calibration,
         place: Place,
@@ -52,7 +51,7 @@ class Residual:
         loads_Pa = np.array(calibration.interval.residual_stress)
         self._always_so_m = [always_so_m(signals, chain, loads_Pa) for signals, _ in logs.seen] if expected else []
         self.floor_m: list[np.ndarray] = []
-        self.row_units = np.concatenate([each[rows] for each, rows in zip(unit, logs.compared, strict=True)])
+        self.row_units = np.concatenate([each[rows] for each, rows in zip(logs.unit, logs.compared, strict=True)])
         self.row_names = np.zeros(len(self.row_units), dtype=int)
 
     def take_floor(self, chain: Chain) -> None:

@@ -28,14 +28,14 @@ class Rests(Witness):
         "displacement at hot rest",
     )
 
-    def __init__(self, logs: Prepared, unit: Sequence[np.ndarray], config: Config, calibration: Calibration):
+    def __init__(self, logs: Prepared, config: Config, calibration: Calibration):
         self.logs, self.calibration = logs, calibration
         self._full_stroke_m = config.wire.full_stroke_m
         self._time_constant_s = config.thermal.heat_capacity / config.thermal.heat_loss
         known_Ohm = calibration.resistance_range
         range_Ohm = known_Ohm if math.isfinite(known_Ohm) else _range_Ohm(logs)
         self._usual = Usual(calibration, config.thermal.heat_loss, range_Ohm, self._full_stroke_m)
-        units = [int(unit[i][r.start]) for i, rests in enumerate(logs.rests) for r in rests]
+        units = [int(logs.unit[i][r.start]) for i, rests in enumerate(logs.rests) for r in rests]
         hot = np.array([r.hot for rests in logs.rests for r in rests], dtype=int)
         self.row_units = np.repeat(units, 2).astype(int)
         self.row_names = np.repeat(2 * hot, 2) + np.tile((0, 1), len(hot))

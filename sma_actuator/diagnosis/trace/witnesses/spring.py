@@ -24,12 +24,12 @@ class Springs(Witness):
 
     names = ("load against displacement",)
 
-    def __init__(self, logs: Prepared, unit: Sequence[np.ndarray], full_stroke_m: float):
+    def __init__(self, logs: Prepared, full_stroke_m: float):
         self.logs, self._usual_m = logs, LIMITS.straight * full_stroke_m
         self._springs = _springs(logs)
         #: Of each sample on a spring, which half of a unit it lies in: cooling or heating.
         halves = [
-            2 * np.concatenate([unit[i] for i in on]) + np.concatenate([logs.experiments[i].heating for i in on])
+            2 * np.concatenate([logs.unit[i] for i in on]) + np.concatenate([logs.experiments[i].heating for i in on])
             for on in self._springs
         ]
         self._half = [_numbered(half) for half in halves]

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from sma_actuator.estimation.lag import lagged
-
-from .evidence import Evidence
+from .evidence import Comparison
 from .following import smooth
-from .witnesses import Prediction
+from .quantities import quantities
 
 BINS = 10
-POWER_LAGS_s = (1.0, 10.0, 100.0)
 BLOCKED = ("time_s", "cycle")  #: quantities that go with the cycle itself
 
 
@@ -27,64 +23,25 @@ class Anatomy:
     depends: dict[str, float]  #: share that each quantity alone explains, largest first
 
 
-def quantities(evidence: Evidence, predictions: Sequence[Prediction]) -> dict[str, np.ndarray]:
-    """What a residual may depend on, all logs together, of the samples compared, with the unit in the name."""
-    out: dict[str, list[np.ndarray]] = {}
-    for experiment, unit, rows, p in zip(
-        evidence.logs.experiments, evidence.unit, evidence.logs.compared, predictions, strict=True
-    ):
-        s = experiment.signals
-        period_s = float(np.median(np.diff(s.time_s)))
-        power_W, resistance_Ohm = p.power_W, p.resistance_Ohm
-        slope = np.gradient(smooth(resistance_Ohm, period_s), s.time_s)
-        reversal = np.flatnonzero(np.diff(p.heating.astype(int))) + 1
-        last = np.concatenate(([0], reversal))[np.searchsorted(reversal, np.arange(len(p.heating)), side="right")]
-        values = {
-            "time_s": s.time_s - evidence.logs.start_s,
-            "resistance_Ohm": resistance_Ohm,
-            "displacement_m": p.model_m,
-            "stress_Pa": p.stress_Pa,
-            "branch": p.heating.astype(float),
-            "distance_from_reversal_m": np.abs(p.model_m - p.model_m[last]),
-            "power_W": power_W,
-            **{f"power_lagged_{lag:g}_s_W": lagged(s.time_s, power_W, lag) for lag in POWER_LAGS_s},
-            "cycle": unit.astype(float),
-            # Of the current that flows: a model answers the noise of its readings too, which is no error of a sensor.
-            "inverse_current_1_A": 1.0 / np.maximum(smooth(s.current_A, period_s), 1e-6),
-            "resistance_rate_Ohm_s": slope,
-            "ambient_temperature_C": np.broadcast_to(s.ambient_temperature_C, np.shape(power_W)),
-        }
-        for name, v in values.items():
-            out.setdefault(name, []).append(np.asarray(v, dtype=float)[rows])
-    together = {name: np.concatenate(parts) for name, parts in out.items()}
-    return {name: v for name, v in together.items() if np.isfinite(v).all() and np.ptp(v) > 0.0}
-
-
-def residual_m(evidence: Evidence, predictions: Sequence[Prediction]) -> np.ndarray:
-    """Measured less shown displacement beyond what the calibration lets expect, all logs together, of the samples
-    compared."""
-    return np.concatenate(evidence.of_displacement.unexpected_m(predictions))
-
-
-def anatomy(evidence: Evidence, predictions: Sequence[Prediction]) -> Anatomy:
-    """Take a residual apart."""
-    error_m = residual_m(evidence, predictions)
-    unit = evidence.unit_of_row[: evidence.rows_of_samples]
+def anatomy(comparison: Comparison) -> Anatomy:
+    """Take the unexpected residual apart."""
+    error_m, unit = comparison.unexpected_m, comparison.evidence.of_displacement.row_units
     seen = unit % 2 == 0
-    values = quantities(evidence, predictions)
+    values = quantities(comparison)
     depends = {name: _share(error_m, _bins(v), seen, blocked=name in BLOCKED) for name, v in values.items()}
     place = _bins(values["displacement_m"]) * 2 + (values.get("branch", np.zeros(len(unit))) > 0.5)
     return Anatomy(
-        noise_percent(evidence, predictions),
+        noise_percent(comparison),
         _share(error_m, place, seen),
         dict(sorted(depends.items(), key=lambda item: -item[1])),
     )
 
 
-def noise_percent(evidence: Evidence, predictions: Sequence[Prediction]) -> float:
+def noise_percent(comparison: Comparison) -> float:
     """Mean absolute error that no model could remove: the noise of R, load and reference, carried through the model."""
-    total, number = 0.0, 0
-    for experiment, p, measured_m in zip(evidence.logs.experiments, predictions, evidence.logs.measured_m, strict=True):
+    evidence, total, number = comparison.evidence, 0.0, 0
+    logs = zip(evidence.logs.experiments, comparison.predictions, evidence.logs.measured_m, strict=True)
+    for experiment, p, measured_m in logs:
         reference_m = _white(measured_m)
         moved = np.gradient(smooth(p.model_m, 0.05)) / _away_from_zero(np.gradient(smooth(p.resistance_Ohm, 0.05)))
         slope = np.median(np.abs(moved[np.isfinite(moved)])) if np.isfinite(moved).any() else 0.0
