@@ -29,7 +29,8 @@ from scipy.stats import norm
 from sma_actuator.bench.hidden import TWINS
 from sma_actuator.diagnosis.trace.candidates import candidate, untestable
 from sma_actuator.diagnosis.trace.evidence import Evidence
-from sma_actuator.diagnosis.trace.likeliest import Likeliest, likeliest
+from sma_actuator.diagnosis.trace.likeliest import likeliest
+from sma_actuator.diagnosis.trace.problem import Likeliest
 from sma_actuator.diagnosis.trace.rows import Rows
 from sma_actuator.diagnosis.trace.scales import scales_of
 from sma_actuator.logs.files import write_atomically

@@ -55,14 +55,15 @@ class Field:
 
 
 def field(
-    scales: Scales, only: Sequence[str], without: Sequence[str], explain: Sequence[str], lacking: bool = False
+    scales: Scales, only: Sequence[str], without: Sequence[str], explain: Sequence[str], of_the_beginning: bool = False
 ) -> Field:
     """Those of all effects, or of ``only`` some, and of those to ``explain``.
 
-    ``lacking``: of a model from its beginning.  Raises BenchLogError where one of ``only`` cannot be fitted.
+    ``of_the_beginning``: that a model may have lacked from its beginning.  Raises BenchLogError where one of ``only``
+    cannot be fitted.
     """
     names = [n for n in EFFECTS if (not only or n in only) and n not in without]
-    if lacking:  # what circuit and sensors did at the calibration, it has absorbed
+    if of_the_beginning:  # what circuit and sensors did at the calibration, it has absorbed
         names = [n for n in names if EFFECTS[n].PART == "wire"]
     reasons = untestable(names, scales)
     if only and reasons:

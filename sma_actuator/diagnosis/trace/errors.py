@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .evidence import Comparison, Evidence
+from .evidence import Comparison
 from .witnesses import WITNESSES
 
 
@@ -24,14 +24,15 @@ class Errors:
 
 def errors_of(comparison: Comparison) -> Errors:
     """Of a model to which nothing was fitted."""
-    c, evidence = comparison, comparison.evidence
-    return Errors(c, evidence.losses(c.rows), c.errors_percent, c.unexpected_percent, off_by_witness(evidence, c.rows))
+    return errors_by(comparison, comparison.rows, comparison.errors_percent, comparison.unexpected_percent)
 
 
-def off_by_witness(evidence: Evidence, rows: np.ndarray) -> dict[str, float]:
-    """How far off each of WITNESSES is of which there is something, by the rows of a comparison."""
+def errors_by(comparison: Comparison, rows: np.ndarray, percent: np.ndarray, unexpected_percent: np.ndarray) -> Errors:
+    """By rows and percentages of other fits than the comparison's."""
+    evidence = comparison.evidence
     others = slice(evidence.rows_of_samples, None)
     witness, off = evidence.witness_of_row[others], rows[others]
     number = np.bincount(witness, minlength=len(WITNESSES))
     squares = np.bincount(witness, off**2, minlength=len(WITNESSES))
-    return {name: math.sqrt(s / n) for name, s, n in zip(WITNESSES, squares, number, strict=True) if n}
+    witnesses = {name: math.sqrt(s / n) for name, s, n in zip(WITNESSES, squares, number, strict=True) if n}
+    return Errors(comparison, evidence.losses(rows), percent, unexpected_percent, witnesses)

@@ -11,10 +11,11 @@ from sma_actuator.estimation.effects import Effect
 
 from .candidates import Candidate
 from .covariance import Covariance
-from .errors import Errors, off_by_witness
+from .errors import Errors, errors_by
 from .evidence import Evidence
-from .likeliest import WIDEST, Likeliest, likeliest
+from .likeliest import likeliest
 from .limits import LIMITS
+from .problem import WIDEST, Likeliest
 
 FOLDS = 4
 
@@ -92,8 +93,7 @@ def _held_out(evidence: Evidence, found: Likeliest, covariance: Covariance, seen
         held_out_rows[hidden] = there.rows[hidden]
         percent[left_out] = there.errors_percent[left_out]
         unexpected_percent[left_out] = there.unexpected_percent[left_out]
-    losses, witnesses = evidence.losses(held_out_rows), off_by_witness(evidence, held_out_rows)
-    return Errors(joint, losses, percent, unexpected_percent, witnesses)
+    return errors_by(joint, held_out_rows, percent, unexpected_percent)
 
 
 def _intervals(evidence: Evidence, found: Likeliest, covariance: Covariance, rows: np.ndarray) -> dict:

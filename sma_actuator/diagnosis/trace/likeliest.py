@@ -1,259 +1,33 @@
-"""The likeliest sizes and shapes of some effects, by Gauss-Newton steps through the whole recursion.
-
-What is likely is reckoned under the covariance of a session in which nothing has happened, and with what is known of an
-effect before the logs: a size is some times what is typical, a shape is somewhere in its range.
-"""
+"""The search for the likeliest sizes and shapes of some effects, by Gauss-Newton steps through the whole recursion."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import lsq_linear
-from scipy.special import ndtr
-
-from sma_actuator.estimation.effects import Effect
 
 from .candidates import Candidate
 from .covariance import Covariance
 from .evidence import Evidence
 from .limits import LIMITS
+from .problem import PROBE, Likeliest, Problem, changed, curved
 
-STEP = 1e-3, 0.01  #: of a search's finite differences, in the optimiser's units: of a size, of a shape
 #: How much less likely, in nats, the ends of each axis of what is likely are: a standard deviation has half a nat, √2
 #: of them one.  Their distance is tried so often, each time so many times longer or shorter at the most.
 FALL, WIDTHS, LONGER = (0.5, 2.0), 8, 4.0
-#: Of a size, in what is typical: from so large an effect one linear step says how large it is.  What is far off counts
-#: linearly, so that step falls short of a large effect, and a rest that counts only where the wire is as hot as it was
-#: may lie between nothing and a large effect like a wall: of a single size so much more is tried too.
-PROBE = 0.5
+#: What is far off counts linearly, so a step from PROBE falls short of a large effect, and a rest that counts only
+#: where the wire is as hot as it was may lie between nothing and a large effect like a wall: of a single size so many
+#: times that step, and so much, is tried too.
 STRIDES, SIZES = (2.0, 4.0), (-3.0, 3.0)
-APART = 0.3  #: in the optimiser's units: shapes nearer to each other lead to the same end
 STEPS, SHORTER = 8, (1.0, 0.3, 0.1)
 LITTLE, ENDS = 2, 4  #: steps from each of so many starts, before it is gone on from where the best of them leads
 ENOUGH = 0.002, 0.2  #: share of the squares, and squares, below which a step was the last
 TRIED = 100  #: times of something that happens once …
-BESIDE_IT = (-0.02, -0.01, -0.005, -0.002, 0.002, 0.005, 0.01, 0.02)  #: in the length of the logs, looked at in the end
 MOST_TIMES, TIMES_APART = 4, 0.03  #: … of which so many are tried, so far apart, in the length of the logs
-WIDEST = 50.0  #: of a range, in the optimiser's units
-LEAST = 1e-9  #: of a normal distribution that is possible: of a range without any width, all
-
-
-class Problem:
-    """The parameters of some candidates as one vector, in what is typical of each."""
-
-    def __init__(self, evidence: Evidence, candidates: Sequence[Candidate]):
-        self.evidence = evidence
-        self.candidates = tuple(candidates)
-        self.slots = [(c, f) for c in candidates for f in c.free]
-        self.low = np.array([f.to_unit(f.low) for _, f in self.slots])
-        self.high = np.array([f.to_unit(f.high) for _, f in self.slots])
-        self.is_size = np.array([f.is_size for _, f in self.slots], dtype=bool)
-        #: What is likeliest before the logs, and its standard deviation.
-        self.usual = np.array([0.0 if f.is_size or not f.starts else f.to_unit(f.starts[0]) for _, f in self.slots])
-        half = 0.5 * (np.minimum(self.high, WIDEST) - np.maximum(self.low, -WIDEST))
-        self.spread = np.where(self.is_size, LIMITS.size, np.maximum(half, 1e-3))
-        self.scanned: dict[str, dict[str, float]] = {}
-
-    def values(self, u: np.ndarray) -> dict[str, dict[str, float]]:
-        """The parameters by effect and name."""
-        out: dict[str, dict[str, float]] = {c.name: dict(self.scanned.get(c.name, {})) for c in self.candidates}
-        for (c, f), x in zip(self.slots, u, strict=True):
-            out[c.name][f.name] = f.from_unit(float(x))
-        return out
-
-    def effects(self, u: np.ndarray) -> dict[str, Effect]:
-        """The effects, for a chain."""
-        values = self.values(u)
-        return {c.name: c.build(values[c.name]) for c in self.candidates}
-
-    def differ(self, u: np.ndarray, other: np.ndarray) -> bool:
-        """Whether two starts lead, as far as can be known, to different ends: another shape, or another sign of a
-        size."""
-        return bool(np.any((u * other)[self.is_size] < 0.0) or np.any(np.abs(u - other)[~self.is_size] > APART))
-
-    def apart(self, starts: Sequence[tuple[float, np.ndarray, dict]]) -> list[tuple[float, np.ndarray, dict]]:
-        """The cheapest of some starts that lead to different ends, and when; at most a few."""
-        kept: list[tuple[float, np.ndarray, dict]] = []
-        for start in starts:
-            if all(start[2] != other[2] or self.differ(start[1], other[1]) for other in kept):
-                kept.append(start)
-        return kept[:ENDS]
-
-    def shapes(self, u: np.ndarray, of: np.ndarray) -> list[np.ndarray]:
-        """The same parameters, and with every other shape to start from of those ``of`` which (bool), one after the
-        other."""
-        others = [(i, self.slots[i][1]) for i in np.flatnonzero(of & ~self.is_size)]
-        return [u, *(changed(u, i, f.to_unit(start)) for i, f in others for start in f.starts[1:])]
-
-    def clipped(self, u: np.ndarray) -> np.ndarray:
-        """The same within what is possible."""
-        return np.clip(u, self.low, self.high)
-
-    def possible(self, u: np.ndarray, deviation: np.ndarray) -> float:
-        """Logarithm of how much of a normal distribution of the parameters is possible, over how much of it was before
-        the logs: a size of one sign has half of one, and nothing is paid for the half that cannot be."""
-        likely, before = (
-            np.log(np.maximum(ndtr((self.high - mean) / size) - ndtr((self.low - mean) / size), LEAST))
-            for mean, size in ((u, deviation), (self.usual, self.spread))
-        )
-        return float(np.sum(likely - before))
-
-    def cost(self, covariance: Covariance, rows: np.ndarray, u: np.ndarray) -> float:
-        """Squares under the covariance, and of what is known of the parameters."""
-        return float(np.sum(covariance.whiten(rows) ** 2) + np.sum(((u - self.usual) / self.spread) ** 2))
-
-    def step(
-        self, covariance: Covariance, rows: np.ndarray, slopes: np.ndarray, u: np.ndarray, free: Any = slice(None)
-    ) -> np.ndarray:
-        """The linear step of the ``free`` parameters that costs least, within what is possible; ``slopes``: of these
-        alone."""
-        spread, u, usual = self.spread[free], u[free], self.usual[free]
-        a = np.vstack((covariance.whiten(slopes), np.diag(1.0 / spread)))
-        b = np.concatenate((covariance.whiten(rows), (u - usual) / spread))
-        room = (self.low[free] - u - 1e-9, self.high[free] - u + 1e-9)
-        return lsq_linear(a, -b, room).x
-
-    def residual(self, u: np.ndarray) -> np.ndarray:
-        """Rows of the evidence."""
-        return self.evidence.compare(self.effects(u)).rows
-
-    def jacobian(self, u: np.ndarray, at_u: np.ndarray) -> np.ndarray:
-        """Its slopes, (rows, len(u)); ``at_u``: the rows there."""
-        columns = []
-        for i, x in enumerate(u):
-            step = STEP[0] * max(1.0, abs(x)) if self.is_size[i] else STEP[1]
-            if x + step > self.high[i]:
-                step = -step
-            moved = u.copy()
-            moved[i] += step
-            columns.append((self.residual(moved) - at_u) / step)
-        return np.column_stack(columns) if columns else np.zeros((len(at_u), 0))
-
-
-@dataclass(frozen=True, slots=True)
-class Likeliest:
-    """Where some effects are likeliest."""
-
-    problem: Problem
-    u: np.ndarray
-    rows: np.ndarray  #: of the evidence there
-    #: Along each axis of what is as likely, how far from there it is about a nat less likely, (len(u), len(u)), and the
-    #: rows so far off to either side, (rows, len(u)).
-    axes: np.ndarray
-    sides: tuple[np.ndarray, np.ndarray]
-    #: Along each, how much more curved the likelihood is than the slopes say, as a root.
-    curved: np.ndarray
-
-    @property
-    def slopes(self) -> np.ndarray:
-        """Of the rows, (rows, len(u)), over all that is as likely: an estimate jumps where a branch turns a sample
-        earlier, and what lies within a jump says nothing."""
-        before, behind = self.sides
-        return np.linalg.solve(self.axes.T, 0.5 * (behind - before).T).T
-
-    @property
-    def candidates(self) -> tuple[Candidate, ...]:
-        """The effects."""
-        return self.problem.candidates
-
-    @property
-    def values(self) -> dict[str, dict[str, float]]:
-        """Their parameters, by effect and name."""
-        return self.problem.values(self.u)
-
-    @property
-    def effects(self) -> dict[str, Effect]:
-        """The effects, for a chain."""
-        return self.problem.effects(self.u)
-
-    def log_evidence(self, covariance: Covariance) -> float:
-        """Laplace's logarithm of the evidence, after one more step under this covariance.
-
-        How steep the likelihood is along each axis is seen in itself, and not in the slopes; so is how curved, where
-        the parameters were made likeliest.  Under another covariance they are not quite that, and between two jumps it
-        may be the other way about.
-        """
-        p, sides = self.problem, self.sides
-        off, axes = (self.u - p.usual) / p.spread, self.axes / p.spread[:, None]
-        here, left, right = (np.sum(covariance.whiten(rows) ** 2, axis=0) for rows in (self.rows, *sides))
-        straight = covariance.whiten(0.5 * (sides[1] - sides[0]))
-        curvature = (straight.T @ straight + axes.T @ axes) * np.outer(self.curved, self.curved)
-        uphill = 0.25 * (left - right) - axes.T @ off
-        step = np.clip(np.linalg.solve(curvature, uphill), -1.0, 1.0)
-        higher = float(step @ (uphill - 0.5 * curvature @ step))
-        volume = float(np.linalg.slogdet(axes)[1]) - 0.5 * float(np.linalg.slogdet(curvature)[1])
-        deviation = np.sqrt(np.sum(self.axes.T * np.linalg.solve(curvature, self.axes.T), axis=0))
-        possible = p.possible(self.u + self.axes @ step, deviation)
-        return covariance.log_likelihood(float(here)) - 0.5 * float(off @ off) + higher + volume + possible
-
-
-def curved(
-    covariance: Covariance, rows: np.ndarray, axes: np.ndarray, sides: tuple[np.ndarray, np.ndarray]
-) -> np.ndarray:
-    """Along each axis, the root of how much more curved the likelihood is than the slopes say.
-
-    ``axes``: in standard deviations of what is known before the logs; ``sides``: the rows at either end of each.
-    """
-    here, left, right = (np.sum(covariance.whiten(some) ** 2, axis=0) for some in (rows, *sides))
-    straight, known = covariance.whiten(0.5 * (sides[1] - sides[0])), np.sum(axes**2, axis=0)
-    return np.sqrt((np.maximum(0.5 * (left + right) - here, 0.0) + known) / (np.sum(straight**2, axis=0) + known))
-
-
-def laplace(
-    covariance: Covariance,
-    rows: np.ndarray,
-    slopes: np.ndarray,
-    off: np.ndarray,
-    spread: np.ndarray,
-    possible: Callable[[np.ndarray], np.ndarray],
-) -> float:
-    """Laplace's logarithm of the evidence, after one linear step of the parameters.
-
-    ``off``: how far these are from what was likeliest before the logs, in its standard deviations ``spread``;
-    ``possible``: of a step, what of it can be gone.
-    """
-    rows, slopes = covariance.whiten(rows), covariance.whiten(slopes) * spread
-    information = slopes.T @ slopes + np.eye(len(off))
-    step = possible(-np.linalg.solve(information, slopes.T @ rows + off) * spread) / spread
-    squares = float(np.sum((rows + slopes @ step) ** 2))
-    known = float(np.sum((off + step) ** 2))
-    return covariance.log_likelihood(squares) - 0.5 * known - 0.5 * float(np.linalg.slogdet(information)[1])
-
-
-def beside(first: Likeliest, alone: Likeliest, covariance: Covariance) -> float:
-    """About the logarithm of the evidence of some effects with one more, by one linear step from where they are
-    likeliest.
-
-    ``alone``: where the other is likeliest alone.  Each of its shapes is tried, and that: beside another effect it may
-    have another shape than alone, where it had to take that one's part too.
-    """
-    (other,) = alone.candidates
-    problem = Problem(first.problem.evidence, (*first.candidates, other))
-    problem.scanned = {**first.problem.scanned, **alone.problem.scanned}
-    known = len(first.u)
-    new = np.arange(len(problem.slots)) >= known
-    guesses = problem.shapes(np.concatenate((first.u, problem.usual[known:])), new)
-    guesses.append(np.concatenate((first.u, np.where(problem.is_size[known:], 0.0, alone.u))))
-    sizes = np.flatnonzero(problem.is_size[known:]) + known
-    free = np.append(np.arange(known), sizes)
-    found = []
-    for guess in guesses:
-        rows = first.rows if len(sizes) else problem.residual(guess)
-        columns = [first.slopes]
-        for i in sizes:
-            probe = PROBE if problem.high[i] >= PROBE else -PROBE
-            columns.append((problem.residual(changed(guess, i, probe)) - rows)[:, None] / probe)
-
-        def possible(step: np.ndarray, at: np.ndarray = guess) -> np.ndarray:
-            return np.clip(at[free] + step, problem.low[free], problem.high[free]) - at[free]
-
-        off = ((guess - problem.usual) / problem.spread)[free]
-        found.append(laplace(covariance, rows, np.column_stack(columns), off, problem.spread[free], possible))
-    return max(found)
+BESIDE_IT = (-0.02, -0.01, -0.005, -0.002, 0.002, 0.005, 0.01, 0.02)  #: in the length of the logs, looked at in the end
 
 
 @dataclass(slots=True)
@@ -417,7 +191,7 @@ def likeliest(
             times = [{c.name: {c.scanned: time_s}} for time_s in _scan(search, c, u)]
             problem.scanned |= times[0]
     starts = search.starts(u, new, times) if new.any() else [(0.0, u, {})]
-    ends = [search.descend(search.begin(start, when), LITTLE) for _, start, when in problem.apart(starts)]
+    ends = [search.descend(search.begin(start, when), LITTLE) for _, start, when in problem.apart(starts)[:ENDS]]
     end = search.descend(min(ends, key=lambda one: one.cost))
     for name, when in end.time.items():
         # The size is known now, so the time may be another beside the one that the scan found.
@@ -436,13 +210,6 @@ def likeliest(
             break
         found = search.across(_End(cost, further, at, end.time))
     return found
-
-
-def changed(u: np.ndarray, i: Any, value: float) -> np.ndarray:
-    """The same parameters with another value of one."""
-    out = u.copy()
-    out[i] = value
-    return out
 
 
 def _scan(search: _Search, candidate: Candidate, u: np.ndarray) -> list[float]:

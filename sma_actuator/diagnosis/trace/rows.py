@@ -8,31 +8,33 @@ at its likeliest parameters (Kass and Raftery 1995).
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import chain, combinations, product
+from itertools import chain
 
 import numpy as np
 
-from sma_actuator.base.parameters import declaration_of
-from sma_actuator.estimation.effects import EFFECTS
+from sma_actuator.fleet import spread
 
 from .candidates import Candidate
 from .covariance import Covariance
 from .evidence import Evidence
-from .likeliest import PROBE, Likeliest, beside, changed, likeliest
+from .likeliest import likeliest
 from .limits import LIMITS
+from .problem import Likeliest
 from .smooth_errors import SmoothErrors
 
 NOTHING, SOMETHING_ELSE = "nothing", "something else"
 GOES_WITH_NOTHING = "nothing that was looked at"
 BESIDE = 0.5  #: of two things at once, share of those of which one has no name
 UNNAMED = 2.0 + BESIDE  #: how probable something else is, in ``rare``: like no effect, looking like one, or beside one
-PROMISING = 20  #: pairs that are sketched, of all
 BEST_FEW = 4  #: single effects that something else is held beside, and may look like
-NEAR_SIZE, NEAR_SHAPE = 0.01, 0.05  #: of what is possible, so near its end counts as at it: a shape comes there slowly
+
+#: What tracing is doing, and how far it is, from 0 to 1.
+Progress = Callable[[str, float], None]
+#: Effects that are tried together, and what is known of their parameters, to start from.
+Asked = tuple[Sequence[Candidate], Mapping[str, Mapping[str, float]] | None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +60,11 @@ class Hypothesis:
         return self.objection or ("the model is worse with it on these logs than without" if self.worse else "")
 
     @property
+    def happens_once(self) -> bool:
+        """Whether one of its effects does: when that was, it was looked for as nothing else was there."""
+        return any(c.scanned for c in self.fitted.candidates)
+
+    @property
     def fitted(self) -> Likeliest:
         """Its effects; raises ValueError where it has none that were fitted."""
         if self.found is None:
@@ -72,11 +79,11 @@ class Rows:
         """``forms``: how far off the form of an effect may be, each as likely."""
         self.evidence = evidence
         self._forms = forms
-        as_it_is = evidence.compare({})
-        #: Rows of the model as it is, and the same without Huber's limit.
-        self.plain, self.off = as_it_is.rows, as_it_is.off
+        #: The model as it is, its rows, and the same without Huber's limit.
+        self.as_it_is = evidence.compare({})
+        self.plain, self.off = self.as_it_is.rows, self.as_it_is.off
         #: What is off together; None where a model's own errors are what is looked for.
-        self.smooth = None if evidence.beyond_floor else SmoothErrors(as_it_is)
+        self.smooth = None if evidence.beyond_floor else SmoothErrors(self.as_it_is)
         #: As how much of one each reading counts.  Without smooth errors nobody says what is off together; what is
         #: found so is held against other logs later.
         self.share = 1.0
@@ -157,7 +164,7 @@ class Rows:
         evidence, best = self.of(found, self._forms)
         likelihood, by_row = best.likelihood(found.rows)
         names = tuple(c.name for c in candidates)
-        return Hypothesis(names, evidence, likelihood, by_row, found, best, objection(found), self.worse(found.rows))
+        return Hypothesis(names, evidence, likelihood, by_row, found, best, found.objection, self.worse(found.rows))
 
     def worse(self, rows: np.ndarray) -> bool:
         """Whether these rows are further off than without an effect: all in all, for errors that are usual as one are
@@ -168,68 +175,23 @@ class Rows:
         off, before = (float(np.sum(some[:n] ** 2)) for some in (rows, self.plain))
         return bool(np.sum(rows**2) > np.sum(self.plain**2)) or off > max(before, usual)
 
-    def where_it_was(self, one: Hypothesis) -> float:
-        """Logarithm of the evidence of what may have happened, were each reading held against the floor of where the
-        wire was by that; a narrower one makes the same readings likelier, if they keep to it.
 
-        Of hypotheses whose forms are their own.
-        """
-        effects = one.found.effects if one.found else {}
-        there = self.evidence.held_where(effects)
-        likelihood, _ = self.usual.likelihood(there.compare(effects).rows)
-        floor, here = (np.concatenate(evidence.of_displacement.floor_m) for evidence in (there, self.evidence))
-        counts = self.evidence.sample_weight**2
-        return one.log_evidence - one.log_likelihood + likelihood - 0.5 * self.usual.of_sizes(floor / here, counts)
-
-    def promising(self, alone: Sequence[Hypothesis]) -> list[tuple[int, int]]:
-        """Of all pairs of effects, by their numbers, those that promise most: by one linear step of their sizes, with
-        any shape of each, from where nothing has happened."""
-        moved = [[self.usual.whiten(columns) for columns in self._moved(one.fitted)] for one in alone]
-        off = self.usual.whiten(self.off)
-
-        def gain(columns: tuple[np.ndarray, np.ndarray]) -> float:
-            a = np.column_stack(columns)
-            information, uphill = a.T @ a + np.eye(a.shape[1]), a.T @ off
-            return 0.5 * float(uphill @ np.linalg.solve(information, uphill) - np.linalg.slogdet(information)[1])
-
-        two = list(combinations(range(len(alone)), 2))
-        gains = [max(map(gain, product(moved[i], moved[k]))) for i, k in two]
-        return [two[n] for n in np.argsort(gains)[::-1][:PROMISING]]
-
-    def _moved(self, alone: Likeliest) -> list[np.ndarray]:
-        """By how much an effect moves the rows, of each shape that it may have: of its sizes as they may be before the
-        logs, (rows, sizes), or of the shape where it has no size."""
-        p, evidence = alone.problem, self.evidence
-        sizes, out = np.flatnonzero(p.is_size), []
-        for u in p.shapes(p.usual, ~p.is_size):
-            more = [changed(u, i, PROBE if p.high[i] >= PROBE else -PROBE) for i in sizes] or [u]
-            step = [at[i] / LIMITS.size for i, at in zip(sizes, more, strict=False)] or [1.0]
-            off = [evidence.compare(p.effects(at)).off - self.off for at in more]
-            out.append(np.column_stack(off) / step)
-        return out
-
-    def sketches(self, first: Likeliest, others: Sequence[Likeliest]) -> list[float]:
-        """About the logarithms of the evidence of some effects with each of others, which are known alone."""
-        return [beside(first, other, self.usual) for other in others]
+def fitted(
+    rows: Rows,
+    asked: Sequence[Asked],
+    jobs: int,
+    progress: Progress,
+    what: str,
+) -> list[Hypothesis]:
+    """:meth:`Rows.effects` of all that are asked about."""
+    found = []
+    with spread(jobs) as run:
+        for number, one in enumerate(run([(rows.effects, each) for each in asked]), 1):
+            progress(what, number / len(asked))
+            found.append(one)
+    return found
 
 
 def _mean(logarithms: Sequence[float]) -> float:
     """Logarithm of the mean of what is as likely."""
     return float(np.logaddexp.reduce(logarithms)) - math.log(len(logarithms))
-
-
-def objection(found: Likeliest) -> str:
-    """Why effects with these parameters are none, or others; empty if they are what they are called."""
-    out, p = [], found.problem
-    for (c, f), x, low, high in zip(p.slots, found.u, p.low, p.high, strict=True):
-        near = (NEAR_SIZE if f.is_size else NEAR_SHAPE) * (high - low)
-        ends = f.other_at + ((("high", "low") if f.low < 0.0 else ("high",)) if f.is_size else ())
-        if ("high" in ends and high - x < near) or ("low" in ends and x - low < near):
-            unit = declaration_of(next(d for d in dataclasses.fields(EFFECTS[c.name]) if d.name == f.name)).unit  # type: ignore[arg-type]
-            unit = "" if unit == "1" else f" {unit}"
-            value = found.values[c.name][f.name]
-            out.append(
-                f"{c.name}'s {f.name} comes to {value:.3g}{unit}, the end of what is possible: there it is another "
-                "effect"
-            )
-    return "; ".join(out)

@@ -59,8 +59,8 @@ def scales_of(evidence: Evidence) -> Scales:
         calibration_ambient_known=known,
         calibration_ambient_C=calibrated_C if known else config.thermal.ambient_temperature,
         loads_differ=_spread(load_N) > LOADS_DIFFER * middle_N,
-        model_feels_stress=_model_feels_stress(evidence),
         partial_cycles=_partial_cycles(evidence),
+        model_feels_stress=_model_feels_stress(evidence),
         power_known=evidence.of_power.known,
         calibration_counts=evidence.beyond_floor,
     )

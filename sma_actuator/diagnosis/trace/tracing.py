@@ -13,10 +13,11 @@ from .candidates import field
 from .errors import Errors, errors_of
 from .evidence import Evidence
 from .fitting import Fit, fit_of
-from .hypotheses import Hypotheses, Progress, hypotheses
+from .hypotheses import hypotheses
+from .lacking import lacking
 from .limits import LIMITS
 from .probability import NO_NAMES, Probabilities, weighed
-from .rows import Hypothesis
+from .rows import Hypothesis, Progress
 from .scales import scales_of
 
 
@@ -82,38 +83,36 @@ def trace(
     ``jobs``: fits at a time, by joblib, so that ``joblib.parallel_config("dask")`` around the call spreads them over
     a cluster.  Raises BenchLogError where an effect of ``only`` cannot be fitted on these logs.
     """
-    lacking = evidence.beyond_floor and not only
-    looked_at = field(scales_of(evidence), only, without, explain, lacking)
-    tried = hypotheses(evidence, looked_at, bool(only), jobs, progress)
-    return _concluded(tried, looked_at.untestable, lacking)
-
-
-def _concluded(tried: Hypotheses, untestable: dict[str, str], lacking: bool) -> Tracing:
-    """What follows; ``lacking``: for a model that every effect belongs to that pays."""
-    evidence = tried.rows.evidence
-    probabilities = weighed(tried.weighed)
+    of_the_beginning = evidence.beyond_floor and not only
+    scales = scales_of(evidence)
+    looked_at = field(scales, only, without, explain, of_the_beginning)
+    if of_the_beginning:
+        rows, tried = lacking(evidence, looked_at.candidates, jobs, progress)
+    else:
+        rows, tried = hypotheses(evidence, looked_at.candidates, bool(only), jobs, progress)
+    explained = [rows.effects([c]) for c in looked_at.explained]
+    probabilities = weighed(tried)
     verdict, names = probabilities.verdict
-    if lacking:  # what remains is the model's as it is
+    if of_the_beginning:  # every effect that pays counts, and what remains is the model's as it is
         names = [n for n in probabilities.best if n not in NO_NAMES]
         verdict = "traced" if names else "none"
-    hypotheses = {one.names: one for one in (*(one for _, one in tried.weighed), *tried.explained)}
-    before = errors_of(evidence.compare({}))
+    before = errors_of(rows.as_it_is)
     result = Tracing(
-        evidence=evidence,
+        evidence=rows.evidence,
         verdict=verdict,
         names=names,
         probabilities=probabilities,
-        hypotheses=hypotheses,
+        hypotheses={one.names: one for one in (*(one for _, one in tried), *explained)},
         fit=None,
-        untestable=untestable,
+        untestable=looked_at.untestable,
         before=before,
         after=before,
-        prior={one.names: prior for prior, one in tried.weighed},
+        prior={one.names: prior for prior, one in tried},
     )
-    if verdict == "none" or not any(one.found for one in hypotheses.values()):
+    if verdict == "none" or not any(one.found for one in result.hypotheses.values()):
         return result
     best = result.chosen
-    found = fit_of(evidence, best.fitted, best.covariance or tried.rows.usual)
+    found = fit_of(result.evidence, best.fitted, best.covariance or rows.usual)
     # Of what has no name, the most probable effect is worth a word where the model is better with it, and no other.
     if verdict == "unexplained" and found.held_out.unexpected_percent.mean() >= before.unexpected_percent.mean():
         return result

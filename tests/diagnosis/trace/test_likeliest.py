@@ -10,9 +10,10 @@ from scipy.stats import norm
 
 from sma_actuator.diagnosis.trace.candidates import Candidate
 from sma_actuator.diagnosis.trace.covariance import Covariance
-from sma_actuator.diagnosis.trace.likeliest import Likeliest, beside, curved, likeliest
+from sma_actuator.diagnosis.trace.likeliest import likeliest
 from sma_actuator.diagnosis.trace.limits import LIMITS
-from sma_actuator.diagnosis.trace.rows import objection
+from sma_actuator.diagnosis.trace.pairs import beside
+from sma_actuator.diagnosis.trace.problem import Likeliest, curved
 from sma_actuator.estimation.effects.free import Free, size
 
 NAME, N = "load_cell_drift", 200
@@ -105,19 +106,19 @@ def test_it_begins_where_it_was_already_and_sees_no_rows_but_its_own():
 
 def test_a_size_at_the_end_of_what_is_possible_is_another_effect():
     _, inside, _ = of((1.0, -2.0))
-    assert objection(inside) == ""
+    assert inside.objection == ""
     _, at_end, _ = of((1.0, -8.0), limit=4.0)
-    assert objection(at_end).startswith(f"{NAME}'s rate comes to -0.2 N/s, the end of what is possible")
+    assert at_end.objection.startswith(f"{NAME}'s rate comes to -0.2 N/s, the end of what is possible")
 
 
 def test_a_size_that_cannot_be_negative_is_another_effect_at_zero_only_where_that_is_said():
     """A wear that moves no end is a contact that drifts; one that leaves the resistance as it is, is still a wear."""
     _, wear, _ = of((-1.0, -2.0), least=0.0)
-    assert wear.values[NAME]["offset"] == 0.0 and objection(wear) == ""
+    assert wear.values[NAME]["offset"] == 0.0 and wear.objection == ""
     _, contact, _ = of((-1.0, -2.0), least=0.0, other_at=("low",))
-    assert objection(contact).startswith(f"{NAME}'s offset comes to 0 N, the end of what is possible")
+    assert contact.objection.startswith(f"{NAME}'s offset comes to 0 N, the end of what is possible")
     _, there, _ = of((2.0, -2.0), limit=20.0, least=0.0, other_at=("low",))
-    assert objection(there) == ""
+    assert there.objection == ""
 
 
 def test_a_shape_is_found_from_whichever_start_leads_there():

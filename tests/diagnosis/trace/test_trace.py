@@ -15,19 +15,22 @@ from sma_actuator.base.signals import Signals
 from sma_actuator.bench import TWINS, Spring, Weight
 from sma_actuator.config import Config
 from sma_actuator.diagnosis.trace import Evidence, trace
+from sma_actuator.diagnosis.trace import pairs as of_pairs
 from sma_actuator.diagnosis.trace.candidates import candidate, untestable
 from sma_actuator.diagnosis.trace.errors import errors_of
 from sma_actuator.diagnosis.trace.evidence import Comparison
 from sma_actuator.diagnosis.trace.experiments import best_experiment
 from sma_actuator.diagnosis.trace.fitting import fit, fit_of
+from sma_actuator.diagnosis.trace.floor import where_it_was
 from sma_actuator.diagnosis.trace.following import Where, smooth
-from sma_actuator.diagnosis.trace.hypotheses import pairs
-from sma_actuator.diagnosis.trace.likeliest import Problem, likeliest
+from sma_actuator.diagnosis.trace.likeliest import likeliest
 from sma_actuator.diagnosis.trace.limits import LIMITS
+from sma_actuator.diagnosis.trace.pairs import PROMISING, pairs, promising
 from sma_actuator.diagnosis.trace.probability import Probabilities
+from sma_actuator.diagnosis.trace.problem import Problem
 from sma_actuator.diagnosis.trace.quantities import quantities
 from sma_actuator.diagnosis.trace.report import _words, sentence, summary
-from sma_actuator.diagnosis.trace.rows import GOES_WITH_NOTHING, NOTHING, PROMISING, SOMETHING_ELSE, Hypothesis, Rows
+from sma_actuator.diagnosis.trace.rows import GOES_WITH_NOTHING, NOTHING, SOMETHING_ELSE, Hypothesis, Rows
 from sma_actuator.diagnosis.trace.scales import scales_of
 from sma_actuator.diagnosis.trace.why import whys
 from sma_actuator.diagnosis.trace.witnesses import limited
@@ -717,7 +720,18 @@ def test_an_effect_at_the_end_of_the_possible_has_no_probability(a_lead):
     assert refused and all(found.probabilities.of[one.names] == 0.0 for one in refused)
 
 
-def test_of_pairs_the_best_few_are_fitted_that_promise_more_than_the_best_alone():
+@pytest.fixture
+def sketched(monkeypatch):
+    """What gives some pairs as promising, and those beside each effect these sketches."""
+
+    def as_(promising, sketches):
+        monkeypatch.setattr(of_pairs, "promising", lambda rows, alone: promising)
+        monkeypatch.setattr(of_pairs, "sketches", lambda rows, first, others: sketches[: len(others)])
+
+    return as_
+
+
+def test_of_pairs_the_best_few_are_fitted_that_promise_more_than_the_best_alone(sketched):
     """None is a hypothesis by its sketch."""
     fitted = SimpleNamespace(candidates=(SimpleNamespace(scanned=""),), values={})
     alone = [Hypothesis((name,), 0.0, 0.0, np.zeros(1), fitted) for name in "abcdefgh"]
@@ -730,12 +744,8 @@ def test_of_pairs_the_best_few_are_fitted_that_promise_more_than_the_best_alone(
             asked.append(1)
             return Hypothesis(("pair", str(len(asked))), 1.0, 1.0, np.zeros(1), fitted)
 
-        rows = SimpleNamespace(
-            promising=lambda alone: [(first, other) for first in (0, 1) for other in range(first + 1, 8)],
-            sketches=lambda _, others: [*promised, *[-1.0] * 7][: len(others)],
-            effects=effects,
-            nothing=lambda: Hypothesis(("nothing",), -9.0, 0.0, np.zeros(1)),
-        )
+        sketched([(first, other) for first in (0, 1) for other in range(first + 1, 8)], [*promised, *[-1.0] * 7])
+        rows = SimpleNamespace(effects=effects, nothing=lambda: Hypothesis(("nothing",), -9.0, 0.0, np.zeros(1)))
         assert len(pairs(rows, alone, 1, lambda what, share: None)) == len(asked)
         return len(asked)
 
@@ -753,18 +763,17 @@ def test_the_likeliest_is_so_with_the_floor_of_where_it_has_the_wire(clean):
     squares = np.sum(rows.usual.whiten(there.compare({}).rows) ** 2)
     spread = 2.0 * rows.share * float(counts @ np.log(floor / anywhere))
     expected = rows.usual.log_likelihood(squares) - 0.5 * spread
-    assert rows.where_it_was(nothing) == pytest.approx(expected, abs=1e-6)
+    assert where_it_was(rows, nothing) == pytest.approx(expected, abs=1e-6)
 
 
-def test_what_cannot_have_happened_alone_is_no_measure_for_pairs():
+def test_what_cannot_have_happened_alone_is_no_measure_for_pairs(sketched):
     """A rate and a load cell's gain at once looked, alone, most like surroundings that made the model worse."""
     fitted = SimpleNamespace(candidates=(SimpleNamespace(name="", scanned=""),), values={})
     worse = Hypothesis(("ambient",), 50.0, 0.0, np.zeros(1), fitted, worse=True)
     alone = [worse, *(Hypothesis((name,), 0.0, 0.0, np.zeros(1), fitted) for name in ("rate", "gain"))]
     asked = []
+    sketched([(0, 1)], [20.0])
     rows = SimpleNamespace(
-        promising=lambda ranked: [(0, 1)],
-        sketches=lambda first, others: [20.0] * len(others),
         effects=lambda *_: asked.append(1) or Hypothesis(("rate", "gain"), 90.0, 0.0, np.zeros(1), fitted),
         nothing=lambda: Hypothesis(("nothing",), -9.0, 0.0, np.zeros(1)),
     )
@@ -786,12 +795,12 @@ def test_what_two_move_alone_says_that_they_may_have_happened_together(wire, con
     names = [n for n in EFFECTS if n not in untestable(EFFECTS, scales_of(evidence)) and n != "slip"]
     problems = [Problem(evidence, [candidate(n, scales_of(evidence))]) for n in names]
     alone = [SimpleNamespace(fitted=SimpleNamespace(problem=problem)) for problem in problems]
-    promising = [{names[i], names[k]} for i, k in Rows(evidence).promising(alone)]
-    assert len(promising) == PROMISING < math.comb(len(names), 2) / 5
-    assert {*hidden} in promising[:5]
+    found = [{names[i], names[k]} for i, k in promising(Rows(evidence), alone)]
+    assert len(found) == PROMISING < math.comb(len(names), 2) / 5
+    assert {*hidden} in found[:5]
 
 
-def test_one_that_happens_once_is_fitted_beside_the_best_whatever_its_sketch():
+def test_one_that_happens_once_is_fitted_beside_the_best_whatever_its_sketch(sketched):
     """When it happened was looked for alone, where another effect may have hidden it."""
 
     def one(name, evidence):
@@ -803,26 +812,18 @@ def test_one_that_happens_once_is_fitted_beside_the_best_whatever_its_sketch():
         return Hypothesis(names, 20.0 * ("slip" in names), 0.0, np.zeros(1), SimpleNamespace())
 
     alone = [one("lead", 10.0), one("gain", 5.0), one("slip", 0.0)]
-    rows = SimpleNamespace(
-        promising=lambda alone: [(0, 1)],
-        sketches=lambda first, others: [-90.0] * len(others),
-        effects=effects,
-        nothing=lambda: alone[-1],
-    )
+    sketched([(0, 1)], [-90.0])
+    rows = SimpleNamespace(effects=effects, nothing=lambda: alone[-1])
     found = [one for _, one in pairs(rows, alone, 1, lambda what, share: None)]
     assert [one.names for one in found if one.found] == [("lead", "slip")]
 
 
-def test_before_the_logs_every_two_are_as_likely_whether_they_are_looked_at_or_not():
+def test_before_the_logs_every_two_are_as_likely_whether_they_are_looked_at_or_not(sketched):
     """Those that are looked at were chosen by the logs, so they have no part of what the others have."""
     fitted = SimpleNamespace(candidates=(SimpleNamespace(scanned=""),), values={})
     alone = [Hypothesis((name,), 0.0, 0.0, np.zeros(1), fitted) for name in "abcdef"]
-    rows = SimpleNamespace(
-        promising=lambda alone: [(0, 1), (0, 2), (1, 2)],
-        sketches=lambda _, others: [9.0] * len(others),
-        effects=lambda *_: alone[0],
-        nothing=lambda: alone[0],
-    )
+    sketched([(0, 1), (0, 2), (1, 2)], [9.0, 9.0])
+    rows = SimpleNamespace(effects=lambda *_: alone[0], nothing=lambda: alone[0])
     assert {before for before, _ in pairs(rows, alone, 1, lambda what, share: None)} == {LIMITS.rare / 2 / 15}
 
 
