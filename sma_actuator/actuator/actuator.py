@@ -59,6 +59,7 @@ class Actuator:
         self._signals = _NOTHING
         self._estimate = _NO_ESTIMATE
         self._told = Command(0.0, False)
+        self._told_s = -inf  #: since when that is so
         self._limit_A = 0.0  #: highest current that heat and stress leave
 
     # --- what others may ask ----------------------------------------------------------------------
@@ -96,7 +97,7 @@ class Actuator:
     def switched_off(self) -> None:
         """Take note that the supply was switched off since the last step: it will read back so, and nobody else did
         it."""
-        self._told = Command(0.0, False)
+        self._tell(Command(0.0, False))
 
     def clear_fault(self, now_s: float) -> tuple[bool, str]:
         """Clear a latched fault; the output stays off until enabled again."""
@@ -235,22 +236,30 @@ class Actuator:
     # --- the step ---------------------------------------------------------------------------------
 
     def step(
-        self, now_s: float, reading: Reading | None, supply: SupplyState | None, waited: Waited = NOT_WAITED
+        self,
+        now_s: float,
+        reading: Reading | None,
+        supply: SupplyState | None,
+        waited: Waited = NOT_WAITED,
+        came_late: bool = False,
     ) -> Output:
         """Advance to ``now_s`` of the loop's monotonic clock.
 
         ``reading`` and ``supply`` are None where the instrument gave no answer; ``waited``: for either, since the step
-        before.  Never raises: an exception inside becomes a latched fault with the output off.
+        before; ``came_late``: one of them says what was a while ago.  Never raises: an exception inside becomes a
+        latched fault with the output off.
         """
         try:
-            return self._step(now_s, reading, supply, waited)
+            return self._step(now_s, reading, supply, waited, came_late)
         except Exception as error:  # noqa: BLE001 - whatever it is, the current must go off
             _log.exception("the control step failed")
             self._latch(unhandled_exception, f"{type(error).__name__}: {error}")
-            self._told = Command(0.0, False)
+            self._tell(Command(0.0, False))
             return self._output({}, set(), nan, reading)
 
-    def _step(self, now_s: float, raw: Reading | None, supply: SupplyState | None, waited: Waited) -> Output:
+    def _step(
+        self, now_s: float, raw: Reading | None, supply: SupplyState | None, waited: Waited, came_late: bool
+    ) -> Output:
         supervisor, config = self._supervisor, self._config
         dt_s = 0.0 if self._now_s != self._now_s else now_s - self._now_s
         if isfinite(now_s):
@@ -278,10 +287,11 @@ class Actuator:
                 self._told,
                 supervisor.heat,
                 waited,
+                self._told_s,
                 longer_m,
             )
         )
-        late = self._late(raw, supply)  # the bias current flows, of which the law must not learn
+        late = came_late or self._late(raw, supply)  # the bias current flows, of which the law must not learn
         supervisor.watch_stress(self._signals.stress_Pa, self._estimate.displacement_m, self._told.current_A)
         self._limit_A = supervisor.limit_A()
         self._following.find_the_ends(longer_m)
@@ -297,7 +307,7 @@ class Actuator:
         if supervisor.latched is not None:
             self._commanding.switch_off()
             self._tuner.end(f"fault {supervisor.latched.name}: {supervisor.detail}")
-        self._told = command
+        self._tell(command)
         self._said.show_events(now_s, faults, self._commanding.lost)
         return self._output(faults, limits, setpoint_m, raw)
 
@@ -371,6 +381,11 @@ class Actuator:
         self._supervisor.latch(fault, detail)
         self._commanding.switch_off()
         self._tuner.end(f"fault {fault.name}: {detail}")
+
+    def _tell(self, command: Command) -> None:
+        """Take note of what the supply is told from now on."""
+        if command != self._told:
+            self._told, self._told_s = command, self._now_s
 
     def _is_fresh(self, now_s: float) -> bool:
         """Whether the last usable reading is no older than readings may be."""

@@ -41,7 +41,7 @@ class Reading(Generic[Value]):
 class SupplyState:
     """What the supply answers when it is asked; not what we believe we told it."""
 
-    time_s: float
+    time_s: float  #: when it was asked, where the answer came late; NaN, or of now: it came in time
     current_setting_A: float
     output_on: bool
     voltage_V: float

@@ -119,6 +119,7 @@ class Loop:
             self._requests.run_calls()
             state = self.supply.ask(self._supply_instrument.read_back)
             now_s = self._clock.now_s()
+        came_late = self._came_late(reading, read_s, state, now_s)
         so_far = self._waited_so_far()
         waited, self._waited = so_far.since(self._waited), so_far
         self.output.seen(state)
@@ -129,7 +130,7 @@ class Loop:
                 now_s, "node_lost", f"the node has not been heard of for {self._feed_timeout_s:g} s"
             )
         self._requests.take_offers(now_s)
-        output = self._actuator.step(now_s, reading, state, waited)
+        output = self._actuator.step(now_s, reading, state, waited, came_late)
         self.supply.ask(lambda: self.output.write(output.command, state))
         overtaken = self.output.was_cut  # what the watchman has put out is newer than this
         self._report_losses(now_s)
@@ -139,6 +140,13 @@ class Loop:
         if not (overtaken or self.output.was_cut):
             self._put_out(output)
         return output
+
+    def _came_late(self, reading: Reading | None, read_s: float, state: SupplyState | None, now_s: float) -> bool:
+        """Whether what has been answered, by then, is of longer ago than an answer may take."""
+        instruments = self._config.instruments
+        return (reading is not None and read_s - reading.time_s > instruments.daq.timeout) or (
+            state is not None and now_s - state.time_s > instruments.supply.timeout
+        )
 
     def _waited_so_far(self) -> Waited:
         return Waited(self.daq.waited_s(), self.supply.waited_s())

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from decimal import Decimal
 from functools import partial
-from math import nan
+from math import isfinite, nan
 from typing import Any
 
 import numpy as np
@@ -129,7 +129,7 @@ class ScpiSupply(SessionSupply):
         self._tell("output_on" if on else "output_off")
 
     def read_back(self) -> SupplyState:
-        """Settings and measurements, as the instrument gives them; ``time_s`` is left NaN.
+        """Settings and measurements, as the instrument gives them; ``time_s`` is left NaN where they came in time.
 
         What it cannot be asked is what follows: the current that it was told; nothing, behind an output that is off.
         """
@@ -147,9 +147,12 @@ class ScpiSupply(SessionSupply):
             values = nothing | self._ask_all(asked)
             if values["output"] and not self._dialect.measures_while_off:
                 values |= self._ask_all(measured)
+            late_s = self._session.late_since_s
         tripped = ",".join(filter(None, (values[word] for word in self._trips)))
         flows = values["voltage"], values["current"]
-        return SupplyState(nan, values["setting"], values["output"], *flows, tripped, self._cut_off_A)
+        return SupplyState(
+            late_s if isfinite(late_s) else nan, values["setting"], values["output"], *flows, tripped, self._cut_off_A
+        )
 
     def _watchdog_holds(self) -> None:
         """Raise WatchdogNotHeld where the watchdog does not stand as it was armed."""
@@ -243,11 +246,11 @@ class ScpiSupply(SessionSupply):
 
         if self._dialect.chained_queries:
             return self._session.ask_for(
-                ";".join(texts), lambda reply: values(dict(zip(texts, reply.split(";"), strict=True)))
+                ";".join(texts), lambda reply: values(dict(zip(texts, reply.split(";"), strict=True))), late_counts=True
             )
         found: dict[str, Any] = {}
         for text in texts:
-            found |= self._session.ask_for(text, partial(of_one, text))
+            found |= self._session.ask_for(text, partial(of_one, text), late_counts=True)
         return found
 
     @staticmethod
@@ -353,13 +356,15 @@ class ScpiDaq:
                 self._session.ask(self._queries["ready"].text)
 
     def read_block(self) -> Reading:
-        """The mean of the newest block; NaN for channels that are not configured."""
+        """The mean of the newest block; NaN for channels that are not configured.  One that came late is of when it was
+        asked for."""
         values: list[float] = []
         with self._session.within():
             self._session.tell(*self._dialect.lines("before_read", **self._values))
             for query, channels in self._reads:
-                values += self._session.ask_for(query.text, partial(self._means, query, channels))
-        return self._channels.reading(self._clock.now_s(), values)
+                values += self._session.ask_for(query.text, partial(self._means, query, channels), late_counts=True)
+            time_s = min(self._clock.now_s(), self._session.late_since_s)
+        return self._channels.reading(time_s, values)
 
     def _means(self, query: Query, channels: Sequence[int], reply: str) -> list[float]:
         """The mean of each channel; raises ValueError for what is neither one mean nor all readings of every

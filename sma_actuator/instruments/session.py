@@ -12,7 +12,9 @@ Three rules hold on every connection, whatever the other side does:
   of the blind ``off_lines`` are read before the next line is sent.
 
 A connection on which one of them fails is given up and never used again: a late reply would be
-taken for the answer to the next question.  ``open`` makes a new one.
+taken for the answer to the next question.  ``open`` makes a new one.  What comes late, but within ``patience_s``, is
+heard first; of what is measured again and again it answers the same question asked anew, as of when it was asked first
+(``late_since_s``): where every answer is late, those would else all be thrown away.
 """
 
 from __future__ import annotations
@@ -65,6 +67,7 @@ class Session:
         self._began_s = math.nan
         self._is_understood = False  #: it has answered a question, on whatever connection
         self.patience_s = 0.0  #: so long after its question an answer may still come (InstrumentLate)
+        self.late_since_s = math.inf  #: when the first was asked of the late answers in the last block :meth:`within`
         self._begin(None)
 
     @property
@@ -106,7 +109,7 @@ class Session:
         """Whatever is said and asked in this block is complete in this time, that of one answer if not given."""
         with self.lock:
             before_s, answers, began_s = self._deadline_s, self._answers, self._began_s
-            self._answers, self._began_s = 0, time.monotonic()
+            self._answers, self._began_s, self.late_since_s = 0, time.monotonic(), math.inf
             self._deadline_s = min(before_s, self._began_s + (self._timeout_s if timeout_s is None else timeout_s))
             try:
                 yield
@@ -158,6 +161,7 @@ class Session:
         self._told: list[str] = []  #: lines that have no answer, since the last question
         self._owed: list[str] = []  #: lines told blind, and questions, whose acknowledgement is still to come
         self._asked: tuple[str, float] | None = None  #: the line that an answer is wanted to, and when it was sent
+        self._heard_late: dict[str, tuple[str, float]] = {}  #: its answer, and when it was asked
         self._free_s = -math.inf  #: when the next line may go
 
     def say_off(self) -> None:
@@ -205,32 +209,20 @@ class Session:
         """Send a query; its answer, which must be one line of text and must not be empty."""
         return self.ask_for(line, lambda reply: reply)
 
-    def ask_for(self, line: str, read: Callable[[str], T]) -> T:
+    def ask_for(self, line: str, read: Callable[[str], T], late_counts: bool = False) -> T:
         """Send a query; what ``read`` makes of its answer.
 
-        ``read`` raises ValueError for a line that is no answer to that.
+        ``read`` raises ValueError for a line that is no answer to that.  ``late_counts``: so may what was said to the
+        same line before, and came too late then.
         """
         with self.lock:
             by_s = self._by_s()
             self._settle(by_s)
-            self._must_be_silent(line, by_s)
-            self._put(line, by_s)
-            text = self._line(f"'{line}'", by_s)
-            while self._acknowledges(text):  # a late one, of a connection before this
-                text = self._line(f"'{line}'", by_s)
-            self._asked = None
-            if self._manner.acknowledges_answers:
-                self._owed.append(line)
-            if text == line:
-                raise self._repeats(line)
-            if self._got and not self._owed:
-                both = f"'{_shown(text)}', '{_shown(self._got)}'"
-                advice = self._advice(text)
-                if self._manner.acknowledgement is not None:
-                    advice = (
-                        f"; where '{self._wanted}' follows each answer, put acknowledges_answers: true into its dialect"
-                    )
-                raise self.give_up(f"answered '{line}' with more than one line: {both}{advice}")
+            text, asked_s = self._heard_late.pop(line, ("", -math.inf))
+            if late_counts and time.monotonic() < asked_s + self.patience_s:
+                self.late_since_s = min(self.late_since_s, asked_s)
+            else:
+                text = self._answer(line, by_s)
             try:
                 if not text or not text.replace("\t", " ").isprintable():
                     raise ValueError
@@ -241,6 +233,28 @@ class Session:
             self._answers += 1
             self._told.clear()
         return value
+
+    def _answer(self, line: str, by_s: float) -> str:
+        """Send a query; the line that is said to it."""
+        self._must_be_silent(line, by_s)
+        self._put(line, by_s)
+        text = self._line(f"'{line}'", by_s)
+        while self._acknowledges(text):  # a late one, of a connection before this
+            text = self._line(f"'{line}'", by_s)
+        self._asked = None
+        if self._manner.acknowledges_answers:
+            self._owed.append(line)
+        if text == line:
+            raise self._repeats(line)
+        if self._got and not self._owed:
+            both = f"'{_shown(text)}', '{_shown(self._got)}'"
+            advice = self._advice(text)
+            if self._manner.acknowledgement is not None:
+                advice = (
+                    f"; where '{self._wanted}' follows each answer, put acknowledges_answers: true into its dialect"
+                )
+            raise self.give_up(f"answered '{line}' with more than one line: {both}{advice}")
+        return text
 
     def introduce(self, line: str, identity: Pattern) -> str:
         """Ask who it is, as the first question on a connection: the answer, whether it is like ``identity`` or not.
@@ -391,11 +405,13 @@ class Session:
             time.sleep(left_s)
 
     def _settle(self, by_s: float) -> None:
-        """Hear what is still said to the last question, which comes too late to count, and to lines told blind."""
+        """Hear what is still said to the last question, which comes too late for that, and to lines told blind."""
         if self._asked is not None:
             line, asked_s = self._asked
-            self._line(f"'{line}'", min(by_s, asked_s + self.patience_s) if self.patience_s else by_s)
+            said = self._line(f"'{line}'", min(by_s, asked_s + self.patience_s) if self.patience_s else by_s)
             self._asked = None
+            if not self._acknowledges(said):
+                self._heard_late[line] = said, asked_s
         while self._owed:
             line = self._owed.pop(0)
             self._line(f"'{line}', where acknowledgement '{self._wanted}' was wanted", by_s)

@@ -87,8 +87,8 @@ ANSWER_LATE = Limit(
     "an instrument answers late: the bias current until it does",
     "Take other work off this computer, or off the instruments' network; where they are always so slow, raise "
     "instruments.supply.timeout or instruments.daq.timeout",
-    "no complete answer within instruments.supply.timeout or instruments.daq.timeout, which may still come; the "
-    "setpoint stands, and what does not come is supply_lost or daq_lost",
+    "no complete answer within instruments.supply.timeout or instruments.daq.timeout, which may still come, or one "
+    "that came later than that; the setpoint stands, and what does not come is supply_lost or daq_lost",
     longest(parameter_value("instruments.supply.timeout"), parameter_value("instruments.daq.timeout")) + ONE_STEP,
 )
 SETPOINT_REACH = Limit(

@@ -222,6 +222,7 @@ class Step:
     told: Command  #: what the supply was told in the step before
     heat: WireHeat
     waited: Waited = NOT_WAITED  #: since the step before
+    told_s: float = -inf  #: since when the supply has been told that
     longer_m: float = 0.0  #: of the estimate: what is no transformation, but a load that hung on the wire before
     contradicted_m: float | None = None  #: what two guards ask for, once one of them has
     is_timely: bool = field(init=False)  #: it comes no later than readings may be old, by a clock that runs forward

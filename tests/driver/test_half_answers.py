@@ -295,10 +295,10 @@ class TestHang:
         session = rig.driver._supply._session
         ask_for = session.ask_for
 
-        def hang_with_the_lock(line, read):
+        def hang_with_the_lock(*question, **how):
             with session.lock:
                 rig.hang()
-                return ask_for(line, read)
+                return ask_for(*question, **how)
 
         session.ask_for = hang_with_the_lock
 

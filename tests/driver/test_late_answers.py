@@ -1,6 +1,9 @@
 """A late answer is no lost instrument: a limit while it lasts, counted, and over as soon as the answer is there."""
 
+import contextlib
+import math
 import time
+from dataclasses import replace
 
 import pytest
 from liar import Liar
@@ -126,6 +129,26 @@ def test_where_nothing_comes_the_current_is_cut_in_the_promised_time(rig, silent
     assert thought_s <= promised_s + 1e-6 + (0.0 if silent == "daq_silent" else rig.config.instruments.supply.timeout)
 
 
+@pytest.mark.parametrize(("name", "question"), [("daq", "read_block"), ("supply", "read_back")])
+def test_what_is_of_longer_ago_than_an_answer_may_take_does_not_heat(rig, name, question):
+    instrument = getattr(rig, name)
+    in_time, bias_A = getattr(instrument, question), rig.config.supply.bias_current
+
+    def late():
+        said = in_time()
+        return replace(said, time_s=said.time_s - LATE_s)
+
+    setattr(instrument, question, late)
+    rig.driver.run_for(3.0)
+    assert rig.lates() == rig.outputs
+    assert all(output.command.current_A == bias_A and output.command.output_on for output in rig.outputs)
+    assert all(output.status.fault == "" for output in rig.outputs)
+    setattr(instrument, question, in_time)
+    rig.driver.run_for(10.0)
+    assert rig.last.status.mode is Mode.TRACKING and rig.last.status.limits == ()
+    assert rig.last.estimate.displacement_m == pytest.approx(0.0025, abs=1e-4)
+
+
 def test_off_waits_for_a_late_supply_and_is_confirmed(rig):
     rig.bench.inject("slow_answers", LATE_s)
     with pytest.raises(InstrumentLate):
@@ -175,6 +198,29 @@ class TestOverTcp:
         liar.late_s = 0.0
         session._timeout_s = 10.0
         assert session.ask("SAMP:RATE?") == "1000"
+
+    def test_where_each_is_late_it_is_that_of_the_same_question_asked_before(self, liar, session):
+        liar.late_s = 0.5
+        for number in range(3):
+            while True:
+                began_s = time.monotonic()
+                with contextlib.suppress(InstrumentLate), session.within(0.2):
+                    assert session.ask_for("SAMP:RATE?", str, late_counts=True) == "1000"
+                    break
+            assert began_s - 1.0 < session.late_since_s < time.monotonic() - 0.5
+            assert liar.times_heard("SAMP:RATE?") == number + 1
+
+    def test_one_that_is_too_old_is_asked_anew(self, liar, session):
+        liar.late_s = 0.5
+        with pytest.raises(InstrumentLate):
+            session.ask_for("SAMP:RATE?", str, late_counts=True)
+        liar.late_s = 0.0
+        session._timeout_s = 10.0
+        assert session.ask("*IDN?")  # which hears it
+        session.patience_s = 0.1
+        with session.within():
+            assert session.ask_for("SAMP:RATE?", str, late_counts=True) == "1000"
+        assert session.late_since_s == math.inf and liar.times_heard("SAMP:RATE?") == 2
 
     def test_one_that_is_late_twice_is_the_same(self, liar, session):
         liar.manner = "mute"

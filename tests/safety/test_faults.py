@@ -387,7 +387,7 @@ def test_without_its_guard_the_fault_is_not_seen(make_rig, fault, monkeypatch):
 
 
 def test_without_its_guard_an_exception_reaches_the_driver(make_rig, monkeypatch):
-    monkeypatch.setattr(Actuator, "step", lambda self, *seen: self._step(*seen, NOT_WAITED))
+    monkeypatch.setattr(Actuator, "step", lambda self, *seen: self._step(*seen, NOT_WAITED, False))
     rig, _ = provoked(make_rig, "unhandled_exception")
     with pytest.raises(ArithmeticError):
         rig.step()

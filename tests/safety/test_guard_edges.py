@@ -211,6 +211,8 @@ BOUNDS = [
     (second_commander, {"supply__current_setting_A": CURRENT_A - 0.0060, "supply__cut_off_A": 0.0035}, True),
     (second_commander, {"supply__current_setting_A": NAN}, False),
     (second_commander, {"supply": None}, False),
+    (second_commander, {"told": OFF, "told_s": NOW_s + 0.01}, False),
+    (second_commander, {"told": OFF, "told_s": NOW_s}, True),
     (second_commander, {"supply__output_on": False}, True),
     (second_commander, {"supply__output_on": False, "supply__tripped": "WDOG"}, False),
     (second_commander, {"told": OFF}, True),

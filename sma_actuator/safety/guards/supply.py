@@ -92,6 +92,8 @@ def second_commander(step: Step) -> str:
     supply, told = step.supply, step.told
     if supply is None or supply.tripped or not isfinite(supply.current_setting_A):
         return ""
+    if supply.time_s < step.told_s:  # it is late, and of what was told before
+        return ""
     setting_A = supply.current_setting_A + supply.cut_off_A
     same_setting = not told.output_on or abs(setting_A - told.current_A) <= SETTING_TOLERANCE_A
     if same_setting and supply.output_on == told.output_on:
