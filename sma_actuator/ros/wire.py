@@ -64,7 +64,7 @@ class SmaActuatorNode(LifecycleNode):
         self.arming = threading.Lock()  #: held while the output goes on, and while the node stops being active
         self.refusal = ""  #: why the instruments are not open
         self._hopeless = False  #: and no waiting will help
-        self._awaited = ""  #: the refusal that was said
+        self._awaited: set[str] = set()  #: the refusals that were said: a gateway has several words for one cause
         self._wait_s = 0.0  #: between the last two looks for the instruments
         #: The joint that the wire turns with another gets every output too, in the control thread.
         self.joint_takes: Callable[[Output], None] | None = None
@@ -223,7 +223,7 @@ class SmaActuatorNode(LifecycleNode):
         """Why it takes no commands."""
         if self.state == "active":  # and yet it takes none
             return f"trying to open the instruments again: {self.refusal}" if self.refusal else "the node ends"
-        if self.refusal and self.refusal == self._awaited:
+        if self.refusal in self._awaited:
             return f"waiting for the instruments: {self.refusal}"
         what = {"unconfigured": "configure and activate it first", "inactive": "activate it first"}.get(self.state, "")
         return f"the node is {self.state}" + (f"; {what}" if what else "")
@@ -264,8 +264,8 @@ class SmaActuatorNode(LifecycleNode):
 
     def _later(self, attempt: Callable[[], None]) -> None:
         """Look for the instruments again, more and more rarely; why they are waited for is said once."""
-        if self.refusal != self._awaited:
-            self._awaited = self.refusal
+        if self.refusal not in self._awaited:
+            self._awaited.add(self.refusal)
             self.log.say(WARNING, f"waiting for the instruments: {self.refusal}; looking again until they are there")
         longest_s = max(RETRY_PERIOD_s, self.config.instruments.reconnect_backoff_max)
         self._wait_s = min(max(RETRY_PERIOD_s, 2.0 * self._wait_s), longest_s)
@@ -326,7 +326,7 @@ class SmaActuatorNode(LifecycleNode):
             self.give_up_driver()
             self._telling.publish_status()
             return False
-        self._awaited, self._wait_s = "", 0.0
+        self._awaited, self._wait_s = set(), 0.0
         return True
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:

@@ -15,11 +15,12 @@ from sma_actuator.safety.faults import FAULTS
 from sma_actuator.safety.limits import LIMITS, TEMPERATURE_DERATING
 
 INFO, WARNING, ERROR = "info", "warning", "error"
-#: A refusal that only repeats another with different numbers is said again after this time.
-REPEAT_s = 1.0
+#: A refusal that only repeats another with different numbers is said again after this time, then after twice that, up
+#: to so long: a stream of commands may be refused for a night.
+REPEAT_s, RARELY_s = 1.0, 60.0
 #: Different refusals that may be said within that time; a flood of them is only counted.
 MOST_REFUSALS = 8
-#: A limit, or a fault that passes by itself, is said again once it has not acted for so long.
+#: A limit, or a fault that passes by itself, is said again once it has not acted for so long; so is a refusal.
 PAUSE_s = 10.0
 
 #: So much of a temperature that nobody has seen is what a wire is not warned of.
@@ -30,20 +31,25 @@ _NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?|\bnan\b|\binf\b")
 
 
 class Refusals:
-    """Lets through one refusal of each kind a second, and counts the others."""
+    """Lets through one refusal of each kind a second, ever more rarely while it goes on, and counts the others."""
 
     def __init__(self) -> None:
-        self._said_s: dict[str, float] = {}
+        #: Of each kind: when it was last asked about, when it was last said, and for how long not again.
+        self._kinds: dict[str, tuple[float, float, float]] = {}
         self._held_back = 0
 
     def worth_saying(self, sentence: str, now_s: float) -> str:
         """The sentence as it should be said now, or ""."""
         kind = _NUMBER.sub("#", sentence)
-        self._said_s = {kind: when_s for kind, when_s in self._said_s.items() if now_s - when_s < REPEAT_s}
-        if kind in self._said_s or len(self._said_s) >= MOST_REFUSALS:
+        self._kinds = {kind: times_s for kind, times_s in self._kinds.items() if now_s - times_s[0] < PAUSE_s}
+        _, said_s, wait_s = self._kinds.get(kind, (now_s, -inf, 0.0))
+        lately = sum(now_s - when_s < REPEAT_s for _, when_s, _ in self._kinds.values())
+        if now_s - said_s < wait_s or lately >= MOST_REFUSALS:
+            if wait_s:
+                self._kinds[kind] = now_s, said_s, wait_s
             self._held_back += 1
             return ""
-        self._said_s[kind] = now_s
+        self._kinds[kind] = now_s, now_s, min(max(REPEAT_s, 2.0 * wait_s), RARELY_s)
         held_back, self._held_back = self._held_back, 0
         return f"{sentence} ({held_back} more were not shown)" if held_back else sentence
 

@@ -1,5 +1,7 @@
 """Instruments that come late, go and come back: the node stays alive, becomes ready, and arms nothing by itself."""
 
+import socket
+import threading
 import time
 
 import pytest
@@ -65,6 +67,34 @@ def test_a_node_that_starts_before_its_instruments_waits_for_them_and_is_ready_w
     _tempt(client, stand)
     _enabled(client)
     wait_until(lambda: stand.bench.current_A() > 0.04)
+
+
+def test_a_gateway_that_hangs_up_in_one_way_and_another_is_said_once_for_each(start_node, make_config, client):
+    looks = []
+
+    def hang_up(listener):
+        while True:
+            try:
+                connection, _ = listener.accept()
+            except OSError:
+                return
+            looks.append(connection)
+            if len(looks) % 2:  # what it has not read resets the connection
+                connection.recv(4096)
+            connection.close()
+
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        threading.Thread(target=hang_up, args=(listener,), daemon=True).start()
+        resource = f"TCPIP::127.0.0.1::{listener.getsockname()[1]}::SOCKET"
+        instruments = {name: {"resource": resource} for name in ("supply", "daq")}
+        often = {"supply.watchdog_timeout": 0.1, "instruments.reconnect_backoff_max": 0.1}
+        node = start_node(make_config(instruments=instruments, **often))
+        wait_until(lambda: len(looks) >= 6, what="six looks")
+        said = [line.partition("]: ")[2] for line in node.words.splitlines() if "looking again" in line]
+        assert said and len(said) == len(set(said))
+        answer = client.call(f"{NAME}/enable", SetBool, SetBool.Request(data=True))
+        assert not answer.success and answer.message.startswith("waiting for the instruments: supply at")
+        listener.shutdown(socket.SHUT_RDWR)
 
 
 def test_instruments_pulled_in_mid_motion_come_back_to_a_node_that_drives_nothing_by_itself(stand, client):

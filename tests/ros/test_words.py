@@ -1,5 +1,6 @@
 """What the node says in its log: each event once, at its level, with what it read and what to do."""
 
+import numpy as np
 import pytest
 
 from sma_actuator.actuator import AFTER_A_FAULT
@@ -13,6 +14,7 @@ from sma_actuator.ros.words import (
     WARNING,
     Events,
     PAUSE_s,
+    RARELY_s,
     Refusals,
     REPEAT_s,
 )
@@ -120,6 +122,14 @@ class TestRefusals:
         assert refusals.worth_saying("point 4 has 17", 0.5) == ""
         assert refusals.worth_saying("point 5 has inf", 0.9) == ""
         assert refusals.worth_saying("point 6 has nan", REPEAT_s) == "point 6 has nan (2 more were not shown)"
+
+    def test_what_goes_on_is_said_ever_more_rarely_and_at_once_after_a_pause(self, refusals):
+        refused_s = [0.05 * number for number in range(20 * 3600)]
+        said_s = [now_s for now_s in refused_s if refusals.worth_saying("the output is off", now_s)]
+        assert said_s[:5] == pytest.approx([0.0, 1.0, 3.0, 7.0, 15.0], abs=0.1)
+        assert np.diff(said_s).max() == pytest.approx(RARELY_s, abs=0.1) and len(said_s) < 3600 / RARELY_s + 8
+        assert refusals.worth_saying("another", refused_s[-1] + 0.05) != ""
+        assert refusals.worth_saying("the output is off", refused_s[-1] + PAUSE_s).startswith("the output is off")
 
     def test_a_flood_of_different_ones_is_bounded(self, refusals):
         words = ["".join(chr(97 + int(digit)) for digit in str(number)) for number in range(1000)]
