@@ -79,11 +79,11 @@ class Rows:
         """``forms``: how far off the form of an effect may be, each as likely."""
         self.evidence = evidence
         self._forms = forms
-        #: The model as it is, its rows, and the same without Huber's limit.
-        self.as_it_is = evidence.compare({})
-        self.plain, self.off = self.as_it_is.rows, self.as_it_is.off
+        as_it_is = evidence.compare({})
+        #: Rows of the model as it is, and the same without Huber's limit.
+        self.plain, self.off = as_it_is.rows, as_it_is.off
         #: What is off together; None where a model's own errors are what is looked for.
-        self.smooth = None if evidence.beyond_floor else SmoothErrors(self.as_it_is)
+        self.smooth = None if evidence.beyond_floor else SmoothErrors(as_it_is)
         #: As how much of one each reading counts.  Without smooth errors nobody says what is off together; what is
         #: found so is held against other logs later.
         self.share = 1.0

@@ -96,7 +96,7 @@ def trace(
     if of_the_beginning:  # every effect that pays counts, and what remains is the model's as it is
         names = [n for n in probabilities.best if n not in NO_NAMES]
         verdict = "traced" if names else "none"
-    before = errors_of(rows.as_it_is)
+    before = errors_of(rows.evidence.compare({}))
     result = Tracing(
         evidence=rows.evidence,
         verdict=verdict,
