@@ -172,6 +172,26 @@ def test_of_a_trajectory_that_has_begun_the_rest_is_followed_and_one_that_is_ove
     assert sentence == "trajectory refused: its last point was due 3 s ago"
 
 
+@pytest.mark.parametrize("delay_s", [0.0, 1.0, -1.0])
+@pytest.mark.parametrize("at_once", [False, True])
+def test_one_whose_first_point_is_later_is_led_in_from_where_the_wire_is(rig, delay_s, at_once):
+    """A single point in four seconds, as rqt's sliders send it, is a motion of four seconds."""
+    rig.enable()
+    if not at_once:  # else the law has not begun when it comes
+        rig.track(0.0040)
+        rig.run(3.0)
+    begins_s = rig.now_s + max(delay_s, 0.0)
+    assert rig.actuator.offer_trajectory(rig.now_s, [4.0], [0.0020], delay_s=delay_s) == ""
+    rig.run(max(delay_s, 0.0) + 0.3)
+    from_m, from_s = rig.output.setpoint_m, rig.now_s
+    assert from_m == pytest.approx(0.0040, abs=3e-4)
+    rig.run(1.0)
+    left_s = begins_s + 4.0 + min(delay_s, 0.0) - from_s
+    assert rig.output.setpoint_m == pytest.approx(from_m + (0.0020 - from_m) * 1.0 / left_s, abs=2e-5)
+    rig.run(4.0)
+    assert rig.output.setpoint_m == 0.0020
+
+
 def test_the_velocities_of_a_trajectory_are_honoured(rig):
     rig.enable()
     rig.actuator.offer_trajectory(rig.now_s, [0.0, 2.0], [0.0040, 0.0030], [0.0, 0.0])

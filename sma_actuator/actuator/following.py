@@ -103,7 +103,7 @@ class Following:
         commanding, tuner = self._commanding, self._tuner
         setpoint_m, wanted_A = nan, self.config.supply.bias_current
         if settled and self._supervisor.latched is None:
-            commanding.advance(seen.now_s)
+            commanding.advance(seen.now_s, self.limited_setpoint_m)
             self._lose_setpoint(seen.now_s)
         if tuner.running is not None and not commanding.is_tuned:
             tuner.end("something else was wanted of the wire")
@@ -122,7 +122,7 @@ class Following:
         self._reach.forget()
         self._controlled_s = seen.time_s
         position_m = seen.estimate.displacement_m
-        self._commanding.begun(position_m)
+        self._commanding.begun(seen.now_s, position_m)
         current_A = max(seen.told_A, self.config.supply.bias_current)
         # What flows in a relay test holds the wire nowhere.
         resting_A = self._tuner.take_resting_A()

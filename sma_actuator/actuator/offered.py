@@ -71,7 +71,8 @@ class Offered:
         delay_s: float,
         reference_m: float,
     ) -> str:
-        """Take a trajectory, or the end of one where the ``reference_m`` has come; "" or why it was refused."""
+        """Take a trajectory from where the ``reference_m`` has come, or the end of one there; "" or why it was
+        refused."""
         refusal = self.refusal(now_s)
         if refusal:
             return refusal
@@ -84,7 +85,7 @@ class Offered:
             return self._refused(now_s, setpoint_not_finite, str(error))
         if refusal := trajectory.refusal(delay_s):
             return refusal
-        self._commanding.follow(now_s, trajectory, delay_s)
+        self._commanding.follow(now_s, trajectory, delay_s, reference_m)
         return ""
 
     def refusal(self, now_s: float) -> str:

@@ -162,19 +162,22 @@ class Commanding:
         self.armed = True
         return True
 
-    def follow(self, now_s: float, trajectory: Trajectory, delay_s: float) -> None:
-        """A trajectory has come that begins ``delay_s`` after now, or began before; until then all stays as it is."""
+    def follow(self, now_s: float, trajectory: Trajectory, delay_s: float, reference_m: float = nan) -> None:
+        """A trajectory has come that begins ``delay_s`` after now, or began before; until then all stays as it is.
+
+        To its first point it is led in from the ``reference_m`` of the control law, where that is known.
+        """
         if self.state is State.OFF:
             return
         if delay_s > 0.0:
             self._awaited = (now_s + delay_s, trajectory)
         else:
-            self._begin_motion(now_s, (now_s + delay_s, trajectory))
+            self._begin_motion(now_s, (now_s + delay_s, trajectory), reference_m)
 
-    def advance(self, now_s: float) -> None:
+    def advance(self, now_s: float, reference_m: float = nan) -> None:
         """Time has passed: a trajectory that was awaited begins, and one that runs counts as a setpoint of now."""
         if self._awaited is not None and now_s >= self._awaited[0]:
-            self._begin_motion(now_s, self._awaited)
+            self._begin_motion(now_s, self._awaited, reference_m)
         if self._motion is not None and now_s - self._motion[0] < self._motion[1].duration_s:
             self._heard_s = now_s
 
@@ -183,16 +186,23 @@ class Commanding:
         if self._take(Event.TIMEOUT_BIAS if at_bias else Event.TIMEOUT_HOLD):
             self.lost, self._motion, self.armed = why, None, False
 
-    def begun(self, position_m: float) -> None:
+    def begun(self, now_s: float, position_m: float) -> None:
         """The controller has begun anew, with the wire at ``position_m``."""
         self.anew = False
         if self.mode is Mode.HOLD:
             self._position_m = position_m
+        self._lead_in(now_s, position_m)
 
-    def _begin_motion(self, now_s: float, motion: tuple[float, Trajectory]) -> None:
+    def _begin_motion(self, now_s: float, motion: tuple[float, Trajectory], reference_m: float) -> None:
         if self._take(Event.TRAJECTORY):
             self._motion, self.armed = motion, False
             self._hear(now_s)
+            self._lead_in(now_s, reference_m)
+
+    def _lead_in(self, now_s: float, position_m: float) -> None:
+        if self._motion is not None:
+            start_s, trajectory = self._motion
+            self._motion = start_s, trajectory.led_in(now_s - start_s, position_m)
 
     def _hear(self, now_s: float) -> None:
         self._heard_s, self._awaited, self.lost = now_s, None, ""

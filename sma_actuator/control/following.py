@@ -39,6 +39,7 @@ class Pursuit:
         """What has become of it with it at ``position``; None while that is open.  NaN is near nothing."""
         if not self.begun(now_s):
             return None
+        self._trajectory = self._trajectory.led_in(now_s - self._begins_s, position)
         error = abs(position - self.setpoint(now_s))
         late_s = now_s - self._begins_s - self._trajectory.duration_s
         if late_s < 0.0:

@@ -109,6 +109,16 @@ class Trajectory:
         """Time of the last point [s]."""
         return self.times_s[-1]
 
+    def led_in(self, time_s: float, position_m: float) -> Trajectory:
+        """The same, from ``position_m`` at ``time_s`` to a first point that is later; else, and for NaN, itself.
+
+        As others follow one (ros2_controllers): to be at its first point at once would be a step.
+        """
+        if not (time_s < self.times_s[0] and math.isfinite(position_m)):
+            return self
+        slopes_m_s = (0.0, *self._slopes_m_s) if self._cubic else None
+        return Trajectory((time_s, *self.times_s), (position_m, *self.positions_m), velocities_m_s=slopes_m_s)
+
     def refusal(self, delay_s: float) -> str:
         """Why it cannot be followed from ``delay_s`` after now, or "": a negative one has begun before."""
         if self.duration_s + delay_s >= 0.0:

@@ -267,7 +267,8 @@ class PairDriver:
             delay_s, trajectory = self._offered
             self._offered, self._awaited = None, (time_s + delay_s, trajectory)
         if self._awaited is not None and time_s >= self._awaited[0]:
-            self._awaited, self._motion, self._lost = None, self._awaited, ""
+            (start_s, trajectory), self._awaited, self._lost = self._awaited, None, ""
+            self._motion = start_s, trajectory.led_in(time_s - start_s, self._pair.reference_rad)
         if self._motion is not None:
             start_s, trajectory = self._motion
             self._pair.command(trajectory(time_s - start_s))

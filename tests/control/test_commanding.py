@@ -55,7 +55,7 @@ def machine_in(state):
     machine = Commanding()
     for event in WAYS[state]:
         EVENTS[event](machine)
-        machine.begun(0.0035)
+        machine.begun(1.0, 0.0035)
     assert machine.state is state
     return machine
 
@@ -127,7 +127,7 @@ def test_a_controller_that_has_yet_to_begin_does_so_also_after_a_setpoint():
     machine.enable()
     machine.track(0.0, 0.003)
     assert machine.anew
-    machine.begun(0.004)
+    machine.begun(1.0, 0.004)
     assert not machine.anew
     assert machine.position_m(0.0) == 0.003, "the setpoint stands: only a wire that is held is held where it was"
 
@@ -143,7 +143,7 @@ def test_a_joint_command_counts_wherever_it_is_until_anything_else_is_wanted(eve
         machine.enable()
     if machine.anew:
         assert not machine.command(3.0, 0.003, wire_m=0.003, near_m=1e-4), "the controller has not begun"
-        machine.begun(0.003)
+        machine.begun(1.0, 0.003)
     before = machine.state
     assert not machine.command(3.0, 0.001, wire_m=0.003, near_m=1e-4)
     assert machine.state is before
@@ -242,7 +242,7 @@ class AnyOrder(RuleBasedStateMachine):
 
     @rule()
     def begin(self):
-        self.machine.begun(0.0035)
+        self.machine.begun(1.0, 0.0035)
 
     @invariant()
     def off_remembers_nothing(self):

@@ -40,6 +40,15 @@ def test_without_a_path_tolerance_only_the_end_counts():
     assert pursuit(late_s=inf).look(1e9, 0.1) is None
 
 
+def test_on_the_way_to_a_later_first_point_it_is_where_it_came_from_that_counts():
+    later = Pursuit(Trajectory([4.0], [0.002]), 10.0, 5e-4, 1e-4, 1.0)
+    assert later.look(10.0, 0.004) is None
+    assert later.setpoint(12.0) == pytest.approx(0.003)
+    assert later.look(12.0, 0.0031) is None
+    assert later.look(12.0, 0.004) is Outcome.PATH_VIOLATED
+    assert later.look(14.0, 0.002) is Outcome.REACHED
+
+
 def test_where_the_wire_should_be_is_said_also_before_the_beginning():
     assert pursuit().setpoint(9.0) == 0.004
     assert pursuit().setpoint(11.0) == pytest.approx(0.003)

@@ -81,6 +81,14 @@ class TestTrajectory:
         with pytest.raises(ValueError, match=sentence):
             Trajectory(times_s, positions_m)
 
+    def test_led_in_it_is_the_same_from_its_first_point_on_and_comes_there_from_rest(self):
+        slow = Trajectory([1.0, 2.0], [0.004, 0.003], velocities_m_s=[0.0, 0.0])
+        led = slow.led_in(0.5, 0.002)
+        assert [led(time_s) for time_s in (0.0, 0.5, 1.0, 1.3, 9.0)] == [0.002, 0.002, 0.004, slow(1.3), 0.003]
+        assert led(0.51) - 0.002 < 1e-5 and led(0.75) == pytest.approx(0.003)
+        assert Trajectory([1.0], [0.004]).led_in(0.5, 0.002)(0.75) == pytest.approx(0.003)
+        assert slow.led_in(1.0, 0.002) is slow and slow.led_in(0.5, math.nan) is slow
+
     def test_refuses_an_unknown_interpolation(self):
         with pytest.raises(ValueError, match="'quintic' is not one of linear, cubic"):
             Trajectory([0.0], [0.001], "quintic")

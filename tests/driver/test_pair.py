@@ -131,7 +131,11 @@ def test_a_trajectory_of_angles_is_waited_for_followed_and_its_last_angle_stands
     assert (rig.output.status.mode, rig.output.status.fault) == (Mode.TRACKING, ""), "nobody was to be missed"
     assert rig.run(6.0).estimate.angle_rad == pytest.approx(0.15, abs=0.03)
 
-    assert rig.pair.follow([4.0], [-0.2]) == "" and rig.run(0.1).status.values["asked_angle_rad"] == -0.2
+    begins_s = rig.output.time_s + 0.05
+    assert rig.pair.follow([4.0], [-0.2]) == "", "it is led in from where the joint is"
+    led_rad = 0.15 - 0.35 / 4.0 * (rig.run(1.0).time_s - begins_s)
+    assert rig.output.status.values["asked_angle_rad"] == pytest.approx(led_rad, abs=0.006)
+    assert rig.run(3.2).status.values["asked_angle_rad"] == -0.2
     assert rig.pair.command(math.nan, 0.9) == ""  # how hard is no word on where
     assert rig.run(0.7).status.fault == "" and rig.output.status.values["asked_angle_rad"] == -0.2
     assert rig.pair.command(0.1) == "" and rig.run(0.1).status.values["asked_angle_rad"] == 0.1
