@@ -3,7 +3,7 @@
 A model errs in the same way again and again: its error depends on where the wire is, how it came there and how warm
 it is.  On the model's own logs that is learned once, by ridge regression on many simple bends of what is seen: the
 model's displacement, resistance, stress, branch, the temperature that a heat balance keeps beside them, and how far
-temperature and resistance have come from their last turns (:mod:`sma_actuator.estimation.models.whole_range`).
+temperature and resistance have come from their last turns (:mod:`sma_actuator.estimation.models.heat_content`).
 What is expected so is not unexpected to anybody who traces a later log.
 
 A model may also depend on the way by which its load came to be what it is, which no wire that was ever loaded by
@@ -33,7 +33,7 @@ from sma_actuator.base.remembered import Remembered
 from sma_actuator.base.signals import Signals
 from sma_actuator.config import Config
 from sma_actuator.estimation.chain import Chain, Estimates
-from sma_actuator.estimation.models.whole_range import (
+from sma_actuator.estimation.models.heat_content import (
     DIRECT,
     PLAYS_OF_RANGE,
     REMEMBERED,

@@ -16,7 +16,7 @@ from sma_actuator.base.sections import Wire
 from sma_actuator.config import BenchConfig
 from sma_actuator.derived import LATENT, DENSITY_kg_m3, Derived, SPECIFIC_HEATS_J_kgK, derived, still_air_W_K
 from sma_actuator.estimation.branch import BranchDetector, EstimatorParameters
-from sma_actuator.estimation.models.whole_range import LATENT_K, usual_heat_balance
+from sma_actuator.estimation.models.heat_content import LATENT_K, usual_heat_balance
 from sma_actuator.logs.bench_log import BenchLog, signals_from_log
 from sma_actuator.logs.experiments import Experiment, begins_anew
 

@@ -19,7 +19,7 @@ from sma_actuator.diagnosis.trace import Evidence
 from sma_actuator.diagnosis.trace.rows import Rows
 from sma_actuator.diagnosis.trace.witnesses.residual import INTERVAL
 from sma_actuator.estimation.chain import Chain
-from sma_actuator.estimation.models.whole_range import at_usual_load, resistances_of
+from sma_actuator.estimation.models.heat_content import at_usual_load, resistances_of
 from sma_actuator.identify import IdentificationError, identify
 from sma_actuator.identify.fitters.fitting import predict
 from sma_actuator.identify.fitters.whole_range import learner

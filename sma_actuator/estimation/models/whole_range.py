@@ -1,474 +1,28 @@
 """The whole range: what a resistance means at a temperature, and a small learned rest (docs/whole_range.md).
 
 The thesis's models leave out the ends of the stroke, where resistance moves with temperature and displacement
-does not.  Here a heat balance stands beside the resistance.  It keeps the wire's *heat content* as a temperature,
-
-    E = T - λ_R R - λ_X X,     dE/dt = (P/h - G (x - s) / (1 - a)) / τ,     x = T - T_ambient,     G = 1 + g max(x, 0),
-                               ds/dt = (a x - s) / τ_s,
-
-where s is how far its near surroundings have warmed up: a tube, a coating, the clamps.  In balance they take a share a
-of the wire's rise; with a = 0 the air begins at the wire.  What is known of wires is a small share.  E holds
-the latent heat in λ_R and λ_X, where X is how far δ lies between the ends of the stroke at the present stress.
-E is an integral of power: δ enters only through the heat lost, so that an error of δ cannot run in a circle with the
-temperature that is made of it.  What the estimate sees is
-
-* R as it would be under a usual load (a load that stretches the wire raises its resistance though nothing transforms),
-  σ and an apparent temperature θ = E + λ_θ R,
-* how far θ, less what stress adds to it, has come from its last turns: plays of several widths [K],
-* how far R has come from its own: plays of several widths [Ω].
-
-A *physical curve*, the mixture rule of the phases solved for δ, is a quadratic in (R, σ, θ): a resistance
-corrected for temperature.  A *residual*, smooth and bounded, is learned for what is left: the mean of a few learners
-with one layer of tanh each.  How far they are apart says how sure they are.
-Outside what the calibration has seen it fades away, and the estimate says so.
-
-Everything is one kernel for one sample; a log is a loop over it.
+does not.  Here a heat balance stands beside the resistance (:mod:`.heat_content`), and the estimate is made of both
+(:mod:`.whole_range_kernel`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from math import exp, hypot, isfinite, nan, sqrt, tanh
-from typing import Any, NamedTuple
+from math import isfinite, nan
 
 import numpy as np
 
-from sma_actuator.base.balance import gains
-from sma_actuator.base.jit import Floats, jit
 from sma_actuator.base.lookup import row_of
 from sma_actuator.base.parameters import parameter
-from sma_actuator.base.sections import ThermalParameters, Wire
+from sma_actuator.base.sections import Wire
 
 from . import orientation
 from .checks import COUNTS_CONTRACTION, wrong_ranges, wrong_size
+from .heat_content import DIRECT, PLAYS_AT, RESTED_AT, THERMAL, resistances_of
 from .model import COEFFICIENTS
+from .whole_range_kernel import CURVE_TERMS, HIGHEST, LOWEST, Numbers, advance, advance_all
 
-DIRECT = 3  #: features that are no plays: R, σ, θ
-STRESS = 1  #: of them
-CURVE_TERMS = 10  #: of a quadratic in them
-(
-    TIME_CONSTANT_s,
-    LOSS_GROWTH_1_K,
-    HEAT_LOSS_W_K,
-    LATENT_K_Ohm,
-    LATENT_K,
-    APPARENT_K_Ohm,
-    WIDE_K_Pa,
-    NARROW_K_Pa,
-    NEAR_SHARE,
-    NEAR_TIME_s,
-) = range(10)
-THERMAL = 8  #: numbers of the heat balance, in this order, before those of the near surroundings
-NARROW = 2  #: so many of the plays in temperature, the first, are shifted by stress as the narrow loop is
-#: Half-widths; loops of Ni-Ti and Ni-Ti-Cu are 4 to 25 K wide, and where the wire lies in one, with an intermediate
-#: phase on the way, shows only where the widest play is wider than the way back through it.
-PLAYS_K = (1.5, 3.0, 5.0, 8.0, 12.0, 18.0)
-PLAYS_OF_RANGE = (0.03, 0.10, 0.25)  #: half-widths of the plays in resistance, as shares of its range
-#: What is known of wires before a log is seen: time constant (share of C/h), growth of the loss, λ_R (K per range of
-#: R), λ_X (latent over specific heat, 20 to 35 K), λ_θ, 1/slopes (K/MPa); of the near surroundings the share and the
-#: time constant (over C/h).
-KNOWN = np.array([1.0, 0.002, 3.0, 26.0, 24.0, 0.125, 0.07, 0.0, 1.0])
-# What is remembered: time, heat content, resistance and X of the sample before, warmth of the near surroundings, the
-# power it rested at before the first one (NaN: that one's own), then the plays.
-_TIME, _HEAT, _RESISTANCE, _SHARE, _NEAR, _RESTED, _PLAYS = range(7)
-NEAR = 7  #: where the numbers of the near surroundings begin
-REMEMBERED = 6  #: beside the plays
-# Limits: δ at the two ends of what was seen, size of the residual, novelty beyond which it fades, what is added to the
-# learners' spread before it counts, half-width of the interval of the physical curve alone.
-_LOWEST, _HIGHEST, _LARGEST, _EDGE, _FLOOR, _CURVE_WIDTH = range(6)
-_START_PASSES = 5
-_PER_RANGE = 4.0  #: a feature that lies beyond its range by a quarter of it is as strange as twice the edge
 _STILL_SEEN = 0.5  #: share of the residual below which the quality says that little of it is left
-
-
-class Numbers(NamedTuple):
-    """The coefficients as the kernels want them, and room to work in."""
-
-    resistances: np.ndarray  #: as :func:`resistances_of` has them
-    thermal: np.ndarray  #: the heat balance, in the order of the indices above
-    ends: np.ndarray  #: (2, 3): hot and cold end of the stroke, quadratics in stress
-    widths_K: np.ndarray  #: half-widths of the plays of temperature
-    widths_Ohm: np.ndarray  #: and of resistance
-    limits: np.ndarray  #: in the order of the indices above
-    centre: np.ndarray  #: of each feature
-    scale: np.ndarray
-    low: np.ndarray  #: where the calibration has seen it
-    high: np.ndarray
-    whitening: np.ndarray  #: lower triangle, (features, features)
-    curve: np.ndarray  #: the physical curve, (CURVE_TERMS,)
-    linear: np.ndarray  #: of each learner, (learners, CURVE_TERMS + plays)
-    hidden: np.ndarray  #: (features, units): neighbours in memory are reckoned at once
-    bias: np.ndarray  #: (units,)
-    output: np.ndarray  #: (units,)
-    widths: np.ndarray  #: of the interval on either branch, (2, places)
-    martensite: np.ndarray  #: how long its martensite is, and what resistance says of that (:mod:`.orientation`)
-    seen: np.ndarray  #: room for the features of a sample
-    z: np.ndarray  #: for what is made of them
-    units: np.ndarray  #: and for the tanh units
-
-
-def at_usual_load(resistance: Any, stress: Any, resistances: np.ndarray) -> Any:
-    """The resistance [Ω] that the wire would have under the usual load, as far between the hot one's and the cold one's
-    as it is under this stress; of one sample or of n."""
-    hot = resistances[0] + stress * resistances[1]
-    cold = resistances[2] + stress * resistances[3]
-    return resistances[4] + (resistance - hot) * (resistances[5] / (cold - hot))
-
-
-_at_usual_load = jit(at_usual_load)  # of one sample
-
-
-@jit
-def heat_rise(power: float, thermal: np.ndarray) -> float:
-    """Temperature above ambient [K] at which the wire loses ``power``."""
-    rise = power / thermal[HEAT_LOSS_W_K]
-    growth = thermal[LOSS_GROWTH_1_K]
-    if growth > 0.0 and rise > 0.0:
-        rise = (sqrt(1.0 + 4.0 * growth * rise) - 1.0) / (2.0 * growth)
-    return rise
-
-
-@jit
-def share_of_stroke(displacement: float, stress: float, ends: np.ndarray) -> float:
-    """How far δ lies between the hot end (0) and the cold end (1) at a stress; ``ends`` (2, 3), quadratics in
-    stress."""
-    hot, cold = orientation.ends_m(stress, ends)
-    return min(max((displacement - hot) / (cold - hot), 0.0), 1.0)
-
-
-@jit
-def at_rest(
-    time: float, power: float, ambient: float, resistance: float, share: float, thermal: np.ndarray, state: np.ndarray
-) -> None:
-    """Start in balance with ``power`` at a share of the stroke; the plays start with the first sample."""
-    rise = heat_rise(power, thermal)
-    temperature = ambient + rise
-    state[_NEAR] = thermal[NEAR_SHARE] * rise
-    state[_TIME] = time
-    state[_HEAT] = temperature - thermal[LATENT_K_Ohm] * resistance - thermal[LATENT_K] * share
-    state[_RESISTANCE] = resistance
-    state[_SHARE] = share
-    state[_PLAYS] = nan
-
-
-@jit
-def _temperature(thermal: np.ndarray, state: np.ndarray) -> float:
-    """Of the wire at the sample before [°C]."""
-    temperature: float = state[_HEAT] + thermal[LATENT_K_Ohm] * state[_RESISTANCE] + thermal[LATENT_K] * state[_SHARE]
-    return temperature
-
-
-@jit
-def features(
-    time: float,
-    power: float,
-    ambient: float,
-    resistance: float,
-    stress: float,
-    thermal: np.ndarray,
-    widths_K: np.ndarray,
-    widths_Ohm: np.ndarray,
-    state: np.ndarray,
-    out: np.ndarray,
-) -> None:
-    """What the estimate sees of one sample, ``out`` (DIRECT + plays,); all of ``state`` but the share X moves on.
-
-    That of the sample before is in ``state``, where the caller puts it.
-    """
-    step = max(time - state[_TIME], 0.0)
-    temperature = _temperature(thermal, state)
-    wire, near = gains(
-        temperature - ambient,
-        state[_NEAR],
-        power / thermal[HEAT_LOSS_W_K],
-        step,
-        thermal[TIME_CONSTANT_s],
-        thermal[NEAR_SHARE],
-        thermal[NEAR_TIME_s],
-        thermal[LOSS_GROWTH_1_K],
-    )
-    state[_HEAT] += wire
-    state[_NEAR] += near
-    state[_TIME] = time
-    state[_RESISTANCE] = resistance
-    apparent = state[_HEAT] + thermal[APPARENT_K_Ohm] * resistance
-    out[0] = resistance
-    out[1] = stress
-    out[2] = apparent
-    first = state[_PLAYS] != state[_PLAYS]  # NaN
-    count = len(widths_K)
-    for k in range(count):
-        shifted = apparent - stress * (thermal[NARROW_K_Pa] if k < NARROW else thermal[WIDE_K_Pa])
-        if first:  # at rest the wire has come from where it was hotter
-            state[_PLAYS + k] = shifted + widths_K[k]
-        state[_PLAYS + k] = min(max(state[_PLAYS + k], shifted - widths_K[k]), shifted + widths_K[k])
-        out[DIRECT + k] = shifted - state[_PLAYS + k]
-    for k in range(len(widths_Ohm)):
-        place = _PLAYS + count + k
-        if first:
-            state[place] = resistance
-        state[place] = min(max(state[place], resistance - widths_Ohm[k]), resistance + widths_Ohm[k])
-        out[DIRECT + count + k] = resistance - state[place]
-
-
-@jit
-def features_all(
-    time: np.ndarray,
-    power: np.ndarray,
-    ambient: np.ndarray,
-    resistance: np.ndarray,
-    stress: np.ndarray,
-    share: np.ndarray,
-    first: np.ndarray,
-    thermal: np.ndarray,
-    widths_K: np.ndarray,
-    widths_Ohm: np.ndarray,
-    state: np.ndarray,
-    out: np.ndarray,
-) -> None:
-    """``features`` of n samples whose share of the stroke is known; a log begins where ``first``."""
-    for i in range(len(time)):
-        if first[i]:
-            at_rest(
-                time=time[i],
-                power=power[i],
-                ambient=ambient[i],
-                resistance=resistance[i],
-                share=share[i],
-                thermal=thermal,
-                state=state,
-            )
-        features(
-            time=time[i],
-            power=power[i],
-            ambient=ambient[i],
-            resistance=resistance[i],
-            stress=stress[i],
-            thermal=thermal,
-            widths_K=widths_K,
-            widths_Ohm=widths_Ohm,
-            state=state,
-            out=out[i],
-        )
-        state[_SHARE] = share[i]
-
-
-@jit
-def _quadratic(z: np.ndarray, c: np.ndarray) -> float:
-    """A quadratic in the first three of ``z``, of :data:`CURVE_TERMS` coefficients."""
-    value: float = (
-        c[0]
-        + c[1] * z[0]
-        + c[2] * z[1]
-        + c[3] * z[2]
-        + c[4] * z[0] * z[0]
-        + c[5] * z[1] * z[1]
-        + c[6] * z[2] * z[2]
-        + c[7] * z[0] * z[1]
-        + c[8] * z[0] * z[2]
-        + c[9] * z[1] * z[2]
-    )
-    return value
-
-
-@jit
-def _learned(n: Numbers, out: np.ndarray) -> None:
-    """What was learned, into ``out``: the mean of the learners, and how far they are apart.
-
-    Each has a quadratic in what is seen directly, a line in the plays, and its share of the tanh units.
-    """
-    z, linear, hidden, units = n.z, n.linear, n.hidden, n.units
-    learners = linear.shape[0]
-    each = len(units) // learners
-    for k in range(len(units)):
-        units[k] = n.bias[k]  # one by one: to copy it whole takes two seconds more to compile
-    for j in range(len(z)):
-        for k in range(len(units)):
-            units[k] += hidden[j, k] * z[j]
-    for k in range(len(units)):  # tanh is four times dearer, and no truer where 1 is added up
-        units[k] = 1.0 - 2.0 / (exp(2.0 * units[k]) + 1.0)
-    mean = 0.0
-    square = 0.0
-    for i in range(learners):
-        value = _quadratic(z, linear[i])
-        for j in range(DIRECT, len(z)):
-            value += linear[i, CURVE_TERMS + j - DIRECT] * z[j]
-        for k in range(i * each, (i + 1) * each):
-            value += n.output[k] * units[k]
-        change = value - mean
-        mean += change / (i + 1)
-        square += change * (value - mean)
-    out[0] = mean
-    out[1] = sqrt(square / learners)
-
-
-@jit
-def _strangeness(n: Numbers) -> float:
-    """How unlike the calibration a sample is: above 1 where it lies beyond all that was seen.
-
-    By the distance in features made white, and by each feature's own range.
-    """
-    square = 0.0
-    beyond = 0.0
-    for i in range(len(n.z)):
-        along = 0.0
-        for j in range(i + 1):
-            along += n.whitening[i, j] * n.z[j]
-        square += along * along
-        beyond = max(beyond, max(n.low[i] - n.seen[i], n.seen[i] - n.high[i]) / (n.high[i] - n.low[i]))
-    return max(sqrt(square) / n.limits[_EDGE], 1.0 + _PER_RANGE * beyond if beyond > 0.0 else 0.0)
-
-
-@jit
-def _half_width(displacement: float, heating: bool, n: Numbers) -> float:
-    """Half of the 95 % interval on a branch, in units of the learners' spread; linear between equally spaced places."""
-    widths = n.widths
-    last = widths.shape[1] - 1
-    along = (displacement - n.limits[_LOWEST]) / (n.limits[_HIGHEST] - n.limits[_LOWEST])
-    place = min(max(along, 0.0), 1.0) * last
-    below = min(int(place), last - 1)
-    row = 1 if heating else 0
-    width: float = widths[row, below] + (place - below) * (widths[row, below + 1] - widths[row, below])
-    return width
-
-
-@jit
-def _estimate(heating: bool, n: Numbers, out: np.ndarray) -> None:
-    """δ, half of its 95 % interval and the share of the residual in it, into ``out``, from the features ``n.seen``."""
-    for j in range(len(n.seen)):
-        n.z[j] = (n.seen[j] - n.centre[j]) / n.scale[j]
-    lowest = n.limits[_LOWEST]
-    highest = n.limits[_HIGHEST]
-    slack = 0.05 * (highest - lowest)
-    physical = min(max(_quadratic(n.z, n.curve), lowest - slack), highest + slack)
-    _learned(n, out)
-    residual = n.limits[_LARGEST] * tanh((out[0] - physical) / n.limits[_LARGEST])
-    spread = out[1]
-    strangeness = _strangeness(n)
-    share = 1.0 if strangeness <= 1.0 else exp(2.0 * (1.0 - strangeness))
-    displacement = min(max(physical + share * residual, lowest - slack), highest + slack)
-    width = _half_width(displacement, heating, n) * (n.limits[_FLOOR] + spread)
-    width += max(lowest - displacement, displacement - highest, 0.0)  # back to where a wire has been
-    out[0] = displacement
-    out[1] = share * width + (1.0 - share) * max(n.limits[_CURVE_WIDTH], width)
-    out[2] = share
-
-
-@jit
-def _of_other_loads(
-    resistance: float, stress: float, rests_cold: bool, first: bool, oriented: Floats, usual: Floats, n: Numbers
-) -> float:
-    """What of the resistance is of martensite that formed under another load [Ω], which a cold wire at rest tells."""
-    if rests_cold and (first or orientation.told(oriented)):
-        orientation.tell(resistance, stress, usual, n.ends, n.martensite, oriented)
-    if first and not orientation.told(oriented):
-        return 0.0
-    return n.martensite[orientation.OHM_PER_m] * orientation.longer_m(stress, n.ends, n.martensite, oriented)
-
-
-@jit
-def _add_other_loads(share: float, stress: float, first: bool, oriented: Floats, n: Numbers, out: np.ndarray) -> None:
-    """How much longer that makes the wire, and how sure that is, into ``out``."""
-    if first and not orientation.told(oriented):
-        orientation.begin(share, 0.0, 0.0, stress, n.ends, oriented)
-    orientation.follow(share, stress, n.ends, n.martensite, oriented)
-    out[3] = orientation.longer_m(stress, n.ends, n.martensite, oriented)
-    out[0] += out[3]
-    by_chance_m, either_way_m = orientation.unsure_m(stress, n.ends, n.martensite, oriented)
-    out[1] = hypot(out[1], by_chance_m) + either_way_m
-
-
-@jit
-def advance(
-    time: float,
-    power: float,
-    ambient: float,
-    resistance: float,
-    stress: float,
-    heating: bool,
-    state: np.ndarray,
-    oriented: Floats,
-    usual: Floats,
-    n: Numbers,
-    out: np.ndarray,
-) -> None:
-    """One sample: δ [m], half of its 95 % interval [m], the share of the residual, and how much longer the wire is than
-    if all of it had formed under its load [m], into ``out`` (4,).
-
-    ``oriented``: the memory of :mod:`.orientation`; ``usual``: a cold wire's resistance by its stress.
-    """
-    first = state[_TIME] != state[_TIME]  # NaN
-    rested = state[_RESTED] if state[_RESTED] == state[_RESTED] else power
-    remembers = n.martensite[orientation.OHM_PER_m] > 0.0
-    if remembers:
-        rise = heat_rise(rested, n.thermal) if first else _temperature(n.thermal, state) - ambient
-        warms = heat_rise(power, n.thermal) - rise  # more than at rest: then its resistance is its heat's too
-        rests_cold = rise < orientation.COLD_K and abs(warms) < orientation.RESTS_K
-        resistance -= _of_other_loads(resistance, stress, rests_cold, first, oriented, usual, n)
-    resistance = _at_usual_load(resistance, stress, n.resistances)
-    share = 1.0
-    # At rest, in the place that agrees with the temperature that is made of it; once in the text, as it is compiled
-    # wherever it stands.
-    for _ in range(_START_PASSES + 1 if first else 1):
-        if first:
-            at_rest(
-                time=time,
-                power=rested,
-                ambient=ambient,
-                resistance=resistance,
-                share=share,
-                thermal=n.thermal,
-                state=state,
-            )
-        features(
-            time=time,
-            power=power,
-            ambient=ambient,
-            resistance=resistance,
-            stress=stress,
-            thermal=n.thermal,
-            widths_K=n.widths_K,
-            widths_Ohm=n.widths_Ohm,
-            state=state,
-            out=n.seen,
-        )
-        _estimate(heating, n, out)
-        share = share_of_stroke(out[0], stress, n.ends)
-    state[_SHARE] = share
-    if remembers:
-        _add_other_loads(share, stress, first, oriented, n, out)
-
-
-@jit
-def advance_all(
-    time: np.ndarray,
-    power: np.ndarray,
-    ambient: np.ndarray,
-    resistance: np.ndarray,
-    stress: np.ndarray,
-    heating: np.ndarray,
-    state: np.ndarray,
-    oriented: Floats,
-    usual: Floats,
-    n: Numbers,
-    out: np.ndarray,
-) -> None:
-    """``advance`` over samples, ``out`` (samples, 4)."""
-    for i in range(len(time)):
-        advance(
-            time=time[i],
-            power=power[i],
-            ambient=ambient[i],
-            resistance=resistance[i],
-            stress=stress[i],
-            heating=heating[i],
-            state=state,
-            oriented=oriented,
-            usual=usual,
-            n=n,
-            out=out[i],
-        )
 
 
 class WholeRangeModel:
@@ -508,7 +62,7 @@ class WholeRangeModel:
             z=np.zeros(n),
             units=np.zeros(len(c.bias)),
         )
-        self._state = np.zeros(_PLAYS + n - DIRECT)
+        self._state = np.zeros(PLAYS_AT + n - DIRECT)
         self._oriented = orientation.nothing_known()
         self._usual = row_of((c.cold_wire_stress, c.cold_wire_resistance))
         self.follows_loads = bool(c.cold_wire and c.other_loads)
@@ -519,14 +73,14 @@ class WholeRangeModel:
     def reset(self, power_W: float = nan) -> None:
         """Forget the past: the next sample is that of a wire at rest, in balance with this power; NaN: with its own."""
         self._state[:] = nan
-        self._state[_RESTED] = power_W
+        self._state[RESTED_AT] = power_W
         orientation.forget(self._oriented)
 
     def doubt(self, displacement_m: np.ndarray) -> np.ndarray:
         """How wide the interval of an estimate is at a place, on the branch where it is wider, over the learners'
         spread."""
         n = self._numbers
-        places_m = np.linspace(n.limits[_LOWEST], n.limits[_HIGHEST], n.widths.shape[1])
+        places_m = np.linspace(n.limits[LOWEST], n.limits[HIGHEST], n.widths.shape[1])
         return np.interp(displacement_m, places_m, n.widths.max(axis=0))
 
     def observe(
@@ -738,44 +292,3 @@ class WholeRangeCoefficients:
     def build(self, wire: Wire) -> WholeRangeModel:
         """The model of the wire the coefficients were fitted on."""
         return WholeRangeModel(self)
-
-
-def resistances_of(hot: Sequence[float], cold: Sequence[float], stress_Pa: Sequence[float]) -> np.ndarray:
-    """What :func:`at_usual_load` goes by: the hot and the cold wire's resistance [Ω], lines in stress [Pa], then the
-    hot one's and what is between both in the middle of the stresses, which is the usual load."""
-    usual_Pa = 0.5 * (stress_Pa[0] + stress_Pa[1])
-    hot_Ohm, cold_Ohm = (float(np.polynomial.polynomial.polyval(usual_Pa, end)) for end in (hot, cold))
-    return np.array([*hot, *cold, hot_Ohm, cold_Ohm - hot_Ohm])
-
-
-def known_of(thermal: ThermalParameters) -> np.ndarray:
-    """What is known of a wire before the model sees a log: of such wires, and of its own near surroundings."""
-    known = KNOWN.copy()
-    if thermal.near_share > 0.0:
-        known[NEAR:] = thermal.near_share, thermal.near_time * thermal.heat_loss / thermal.heat_capacity
-    return known
-
-
-def thermal_numbers(known: np.ndarray, thermal: ThermalParameters, span_Ohm: float) -> np.ndarray:
-    """The heat balance for the kernels, from numbers in units of what is known; ``span_Ohm``: range of the
-    resistance."""
-    time_constant_s = thermal.heat_capacity / thermal.heat_loss
-    out = np.empty(THERMAL + 2)
-    out[:] = (
-        known[0] * time_constant_s,
-        known[1],
-        thermal.heat_loss,
-        known[2] / span_Ohm,
-        known[3],
-        known[4] / span_Ohm,
-        known[5] * 1e-6,
-        known[6] * 1e-6,
-        known[7],
-        known[8] * time_constant_s,
-    )
-    return out
-
-
-def usual_heat_balance(thermal: ThermalParameters, span_Ohm: float) -> np.ndarray:
-    """The heat balance as far as it is known before the model sees a log."""
-    return thermal_numbers(known_of(thermal), thermal, span_Ohm)

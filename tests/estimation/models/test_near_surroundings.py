@@ -6,14 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from sma_actuator.estimation.models.whole_range import (
-    NEAR_SHARE,
-    REMEMBERED,
-    THERMAL,
-    NEAR_TIME_s,
-    WholeRangeCoefficients,
-    features_all,
-)
+from sma_actuator.estimation.models.heat_content import NEAR_SHARE, REMEMBERED, THERMAL, NEAR_TIME_s, features_all
+from sma_actuator.estimation.models.whole_range import WholeRangeCoefficients
 
 TIME_CONSTANT_s, HEAT_LOSS_W_K, AMBIENT_C = 2.0, 4e-3, 22.0
 

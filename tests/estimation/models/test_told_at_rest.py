@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from sma_actuator.estimation.models.heat_content import THERMAL
 from sma_actuator.estimation.models.orientation import RESTS_K
-from sma_actuator.estimation.models.whole_range import CURVE_TERMS, THERMAL, WholeRangeCoefficients, WholeRangeModel
+from sma_actuator.estimation.models.whole_range import WholeRangeCoefficients, WholeRangeModel
+from sma_actuator.estimation.models.whole_range_kernel import CURVE_TERMS
 
 LOSS_W_K, BIAS_W, COLD_Ohm, PER_m, STROKE_m = 5e-3, 0.02, 5.0, 100.0, 4e-3
 FEATURES = 5  #: resistance, stress, temperature, a play of either

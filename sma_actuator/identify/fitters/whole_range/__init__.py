@@ -18,7 +18,9 @@ from typing import Any
 import numpy as np
 
 from sma_actuator.calibration.interval import COVERAGE
-from sma_actuator.estimation.models.whole_range import CURVE_TERMS, NEAR, PLAYS_K, THERMAL, WholeRangeCoefficients
+from sma_actuator.estimation.models.heat_content import NEAR, PLAYS_K, THERMAL
+from sma_actuator.estimation.models.whole_range import WholeRangeCoefficients
+from sma_actuator.estimation.models.whole_range_kernel import CURVE_TERMS
 from sma_actuator.identify.fitters.fitting import at_bound
 from sma_actuator.identify.verdict.unseen import Unseen
 from sma_actuator.logs.experiments import Experiment

@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sma_actuator.estimation.models.orientation import COLD_K, OHM_PER_m, longer_all_m, nothing_known
-from sma_actuator.estimation.models.whole_range import (
+from sma_actuator.estimation.models.heat_content import (
     DIRECT,
     PLAYS_K,
     PLAYS_OF_RANGE,
@@ -19,6 +18,7 @@ from sma_actuator.estimation.models.whole_range import (
     resistances_of,
     thermal_numbers,
 )
+from sma_actuator.estimation.models.orientation import COLD_K, OHM_PER_m, longer_all_m, nothing_known
 from sma_actuator.identify.ranges import ONE_LOAD, distinct_stresses
 from sma_actuator.logs.experiments import Experiment, IdentificationError, begins_anew
 from sma_actuator.logs.kinds import load_numbers

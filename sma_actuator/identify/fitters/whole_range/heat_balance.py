@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sma_actuator.estimation.models.whole_range import NEAR, known_of
+from sma_actuator.estimation.models.heat_content import NEAR, known_of
 
 from .data import Data
 from .learner import Equations, Learner, robust

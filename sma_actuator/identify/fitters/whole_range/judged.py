@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_actuator.calibration.interval import COVERAGE
-from sma_actuator.estimation.models.whole_range import CURVE_TERMS, WholeRangeCoefficients
+from sma_actuator.estimation.models.whole_range import WholeRangeCoefficients
+from sma_actuator.estimation.models.whole_range_kernel import CURVE_TERMS
 from sma_actuator.identify.fitters.fitting import predict
 from sma_actuator.identify.verdict.unseen import Unseen
 from sma_actuator.logs.experiments import Experiment

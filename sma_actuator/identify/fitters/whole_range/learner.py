@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sma_actuator.estimation.models.whole_range import CURVE_TERMS, DIRECT, STRESS
+from sma_actuator.estimation.models.heat_content import DIRECT, STRESS
+from sma_actuator.estimation.models.whole_range_kernel import CURVE_TERMS
 
 LEARNERS = 3
 UNITS = 32  #: tanh units of each; of 16, 24, 32 and 40 the fewest beyond which nothing was won (docs/whole_range.md)

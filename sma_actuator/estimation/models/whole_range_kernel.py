@@ -1,0 +1,282 @@
+"""The kernel of the whole-range model: from what is seen of a wire's resistance and heat to its displacement.
+
+A *physical curve*, the mixture rule of the phases solved for δ, is a quadratic in (R, σ, θ): a resistance
+corrected for temperature.  A *residual*, smooth and bounded, is learned for what is left: the mean of a few learners
+with one layer of tanh each.  How far they are apart says how sure they are.
+Outside what the calibration has seen it fades away, and the estimate says so.
+
+Everything is one kernel for one sample; a log is a loop over it.
+"""
+
+from __future__ import annotations
+
+from math import exp, hypot, sqrt, tanh
+from typing import NamedTuple
+
+import numpy as np
+
+from sma_actuator.base.jit import Floats, jit
+
+from . import orientation
+from .heat_content import (
+    DIRECT,
+    RESTED_AT,
+    SHARE_AT,
+    TIME_AT,
+    at_rest,
+    at_usual_load_now,
+    features,
+    heat_rise,
+    share_of_stroke,
+    temperature_of,
+)
+
+CURVE_TERMS = 10  #: of a quadratic in R, σ, θ
+#: Limits: δ at the two ends of what was seen, size of the residual, novelty beyond which it fades, what is added to the
+#: learners' spread before it counts, half-width of the interval of the physical curve alone.
+LOWEST, HIGHEST, LARGEST, EDGE, FLOOR, CURVE_WIDTH = range(6)
+_START_PASSES = 5
+_PER_RANGE = 4.0  #: a feature that lies beyond its range by a quarter of it is as strange as twice the edge
+
+
+class Numbers(NamedTuple):
+    """The coefficients as the kernels want them, and room to work in."""
+
+    resistances: np.ndarray  #: as :func:`resistances_of` has them
+    thermal: np.ndarray  #: the heat balance, in the order of the indices above
+    ends: np.ndarray  #: (2, 3): hot and cold end of the stroke, quadratics in stress
+    widths_K: np.ndarray  #: half-widths of the plays of temperature
+    widths_Ohm: np.ndarray  #: and of resistance
+    limits: np.ndarray  #: in the order of the indices above
+    centre: np.ndarray  #: of each feature
+    scale: np.ndarray
+    low: np.ndarray  #: where the calibration has seen it
+    high: np.ndarray
+    whitening: np.ndarray  #: lower triangle, (features, features)
+    curve: np.ndarray  #: the physical curve, (CURVE_TERMS,)
+    linear: np.ndarray  #: of each learner, (learners, CURVE_TERMS + plays)
+    hidden: np.ndarray  #: (features, units): neighbours in memory are reckoned at once
+    bias: np.ndarray  #: (units,)
+    output: np.ndarray  #: (units,)
+    widths: np.ndarray  #: of the interval on either branch, (2, places)
+    martensite: np.ndarray  #: how long its martensite is, and what resistance says of that (:mod:`.orientation`)
+    seen: np.ndarray  #: room for the features of a sample
+    z: np.ndarray  #: for what is made of them
+    units: np.ndarray  #: and for the tanh units
+
+
+@jit
+def _quadratic(z: np.ndarray, c: np.ndarray) -> float:
+    """A quadratic in the first three of ``z``, of :data:`CURVE_TERMS` coefficients."""
+    value: float = (
+        c[0]
+        + c[1] * z[0]
+        + c[2] * z[1]
+        + c[3] * z[2]
+        + c[4] * z[0] * z[0]
+        + c[5] * z[1] * z[1]
+        + c[6] * z[2] * z[2]
+        + c[7] * z[0] * z[1]
+        + c[8] * z[0] * z[2]
+        + c[9] * z[1] * z[2]
+    )
+    return value
+
+
+@jit
+def _learned(n: Numbers, out: np.ndarray) -> None:
+    """What was learned, into ``out``: the mean of the learners, and how far they are apart.
+
+    Each has a quadratic in what is seen directly, a line in the plays, and its share of the tanh units.
+    """
+    z, linear, hidden, units = n.z, n.linear, n.hidden, n.units
+    learners = linear.shape[0]
+    each = len(units) // learners
+    for k in range(len(units)):
+        units[k] = n.bias[k]  # one by one: to copy it whole takes two seconds more to compile
+    for j in range(len(z)):
+        for k in range(len(units)):
+            units[k] += hidden[j, k] * z[j]
+    for k in range(len(units)):  # tanh is four times dearer, and no truer where 1 is added up
+        units[k] = 1.0 - 2.0 / (exp(2.0 * units[k]) + 1.0)
+    mean = 0.0
+    square = 0.0
+    for i in range(learners):
+        value = _quadratic(z, linear[i])
+        for j in range(DIRECT, len(z)):
+            value += linear[i, CURVE_TERMS + j - DIRECT] * z[j]
+        for k in range(i * each, (i + 1) * each):
+            value += n.output[k] * units[k]
+        change = value - mean
+        mean += change / (i + 1)
+        square += change * (value - mean)
+    out[0] = mean
+    out[1] = sqrt(square / learners)
+
+
+@jit
+def _strangeness(n: Numbers) -> float:
+    """How unlike the calibration a sample is: above 1 where it lies beyond all that was seen.
+
+    By the distance in features made white, and by each feature's own range.
+    """
+    square = 0.0
+    beyond = 0.0
+    for i in range(len(n.z)):
+        along = 0.0
+        for j in range(i + 1):
+            along += n.whitening[i, j] * n.z[j]
+        square += along * along
+        beyond = max(beyond, max(n.low[i] - n.seen[i], n.seen[i] - n.high[i]) / (n.high[i] - n.low[i]))
+    return max(sqrt(square) / n.limits[EDGE], 1.0 + _PER_RANGE * beyond if beyond > 0.0 else 0.0)
+
+
+@jit
+def _half_width(displacement: float, heating: bool, n: Numbers) -> float:
+    """Half of the 95 % interval on a branch, in units of the learners' spread; linear between equally spaced places."""
+    widths = n.widths
+    last = widths.shape[1] - 1
+    along = (displacement - n.limits[LOWEST]) / (n.limits[HIGHEST] - n.limits[LOWEST])
+    place = min(max(along, 0.0), 1.0) * last
+    below = min(int(place), last - 1)
+    row = 1 if heating else 0
+    width: float = widths[row, below] + (place - below) * (widths[row, below + 1] - widths[row, below])
+    return width
+
+
+@jit
+def _estimate(heating: bool, n: Numbers, out: np.ndarray) -> None:
+    """δ, half of its 95 % interval and the share of the residual in it, into ``out``, from the features ``n.seen``."""
+    for j in range(len(n.seen)):
+        n.z[j] = (n.seen[j] - n.centre[j]) / n.scale[j]
+    lowest = n.limits[LOWEST]
+    highest = n.limits[HIGHEST]
+    slack = 0.05 * (highest - lowest)
+    physical = min(max(_quadratic(n.z, n.curve), lowest - slack), highest + slack)
+    _learned(n, out)
+    residual = n.limits[LARGEST] * tanh((out[0] - physical) / n.limits[LARGEST])
+    spread = out[1]
+    strangeness = _strangeness(n)
+    share = 1.0 if strangeness <= 1.0 else exp(2.0 * (1.0 - strangeness))
+    displacement = min(max(physical + share * residual, lowest - slack), highest + slack)
+    width = _half_width(displacement, heating, n) * (n.limits[FLOOR] + spread)
+    width += max(lowest - displacement, displacement - highest, 0.0)  # back to where a wire has been
+    out[0] = displacement
+    out[1] = share * width + (1.0 - share) * max(n.limits[CURVE_WIDTH], width)
+    out[2] = share
+
+
+@jit
+def _of_other_loads(
+    resistance: float, stress: float, rests_cold: bool, first: bool, oriented: Floats, usual: Floats, n: Numbers
+) -> float:
+    """What of the resistance is of martensite that formed under another load [Ω], which a cold wire at rest tells."""
+    if rests_cold and (first or orientation.told(oriented)):
+        orientation.tell(resistance, stress, usual, n.ends, n.martensite, oriented)
+    if first and not orientation.told(oriented):
+        return 0.0
+    return n.martensite[orientation.OHM_PER_m] * orientation.longer_m(stress, n.ends, n.martensite, oriented)
+
+
+@jit
+def _add_other_loads(share: float, stress: float, first: bool, oriented: Floats, n: Numbers, out: np.ndarray) -> None:
+    """How much longer that makes the wire, and how sure that is, into ``out``."""
+    if first and not orientation.told(oriented):
+        orientation.begin(share, 0.0, 0.0, stress, n.ends, oriented)
+    orientation.follow(share, stress, n.ends, n.martensite, oriented)
+    out[3] = orientation.longer_m(stress, n.ends, n.martensite, oriented)
+    out[0] += out[3]
+    by_chance_m, either_way_m = orientation.unsure_m(stress, n.ends, n.martensite, oriented)
+    out[1] = hypot(out[1], by_chance_m) + either_way_m
+
+
+@jit
+def advance(
+    time: float,
+    power: float,
+    ambient: float,
+    resistance: float,
+    stress: float,
+    heating: bool,
+    state: np.ndarray,
+    oriented: Floats,
+    usual: Floats,
+    n: Numbers,
+    out: np.ndarray,
+) -> None:
+    """One sample: δ [m], half of its 95 % interval [m], the share of the residual, and how much longer the wire is than
+    if all of it had formed under its load [m], into ``out`` (4,).
+
+    ``oriented``: the memory of :mod:`.orientation`; ``usual``: a cold wire's resistance by its stress.
+    """
+    first = state[TIME_AT] != state[TIME_AT]  # NaN
+    rested = state[RESTED_AT] if state[RESTED_AT] == state[RESTED_AT] else power
+    remembers = n.martensite[orientation.OHM_PER_m] > 0.0
+    if remembers:
+        rise = heat_rise(rested, n.thermal) if first else temperature_of(n.thermal, state) - ambient
+        warms = heat_rise(power, n.thermal) - rise  # more than at rest: then its resistance is its heat's too
+        rests_cold = rise < orientation.COLD_K and abs(warms) < orientation.RESTS_K
+        resistance -= _of_other_loads(resistance, stress, rests_cold, first, oriented, usual, n)
+    resistance = at_usual_load_now(resistance, stress, n.resistances)
+    share = 1.0
+    # At rest, in the place that agrees with the temperature that is made of it; once in the text, as it is compiled
+    # wherever it stands.
+    for _ in range(_START_PASSES + 1 if first else 1):
+        if first:
+            at_rest(
+                time=time,
+                power=rested,
+                ambient=ambient,
+                resistance=resistance,
+                share=share,
+                thermal=n.thermal,
+                state=state,
+            )
+        features(
+            time=time,
+            power=power,
+            ambient=ambient,
+            resistance=resistance,
+            stress=stress,
+            thermal=n.thermal,
+            widths_K=n.widths_K,
+            widths_Ohm=n.widths_Ohm,
+            state=state,
+            out=n.seen,
+        )
+        _estimate(heating, n, out)
+        share = share_of_stroke(out[0], stress, n.ends)
+    state[SHARE_AT] = share
+    if remembers:
+        _add_other_loads(share, stress, first, oriented, n, out)
+
+
+@jit
+def advance_all(
+    time: np.ndarray,
+    power: np.ndarray,
+    ambient: np.ndarray,
+    resistance: np.ndarray,
+    stress: np.ndarray,
+    heating: np.ndarray,
+    state: np.ndarray,
+    oriented: Floats,
+    usual: Floats,
+    n: Numbers,
+    out: np.ndarray,
+) -> None:
+    """``advance`` over samples, ``out`` (samples, 4)."""
+    for i in range(len(time)):
+        advance(
+            time=time[i],
+            power=power[i],
+            ambient=ambient[i],
+            resistance=resistance[i],
+            stress=stress[i],
+            heating=heating[i],
+            state=state,
+            oriented=oriented,
+            usual=usual,
+            n=n,
+            out=out[i],
+        )
