@@ -19,6 +19,10 @@ SLOWEST_s = 0.4
 #: What the product of two second differences of white noise, one after the other, is in the mean: so many times its
 #: variance.
 _IN_A_ROW = -4.0
+#: What one reading adds is at the most so many times what was known before, or what is allowed: of white noise one in
+#: a hundred would add more.  A load that jumps, and the wire with it, is no noise, and taken for it the position came
+#: 0.3 s late for as long as the noise is measured over: the wire swung through its whole stroke.
+_MOST = 10.0
 
 #: What is remembered: the position and its velocity; the reading before, the last step and its time, the last second
 #: difference; how noisy that is.
@@ -59,8 +63,9 @@ def _smoothed_m(state: Floats, position_m: float, dt_s: float, allowed_m2: float
         if state[_STEP_s] > 0.0:
             before_m, second_m = second_m, step_m - state[_STEP_m] * dt_s / state[_STEP_s]
             if isfinite(before_m):
-                part = dt_s / (NOISE_TIME_s + dt_s)
-                state[_VARIANCE_m2] += part * (second_m * before_m / _IN_A_ROW - state[_VARIANCE_m2])
+                part, most_m2 = dt_s / (NOISE_TIME_s + dt_s), _MOST * max(state[_VARIANCE_m2], allowed_m2)
+                shown_m2 = min(max(second_m * before_m / _IN_A_ROW, -most_m2), most_m2)
+                state[_VARIANCE_m2] += part * (shown_m2 - state[_VARIANCE_m2])
     state[_BEFORE_m], state[_STEP_m], state[_STEP_s], state[_SECOND_m] = position_m, step_m, dt_s, second_m
     share, variance_m2 = 1.0, state[_VARIANCE_m2]  # all of a surprise is believed
     if allowed_m2 != inf and variance_m2 > 0.0:

@@ -39,6 +39,23 @@ def test_a_quick_wire_that_is_seldom_read_is_no_noise_and_not_late():
     assert np.abs(seen_m - position_m)[100:].max() < 0.1e-3
 
 
+def test_a_load_that_jumps_is_no_noise_and_the_wire_is_not_late_after_it():
+    """A weight that was hung on a held wire stretched it by 2.4 mm; taken for noise, that made the position 0.3 s late
+    for two seconds, and the loop swung through most of the stroke."""
+    time_s = np.arange(800) * DT_s
+    held_m = np.where(time_s < 20.0, 0.0, 2.4e-3) + 0.5e-3 * np.sin(2.0 * np.pi * np.maximum(time_s - 20.0, 0.0) / 1.4)
+    smoother = Smoother()
+    seen_m = np.array([smoother.step(float(x), DT_s, 5e-6) for x in held_m + noisy(800)])
+    assert smoother.noise_m < 2.0 * NOISE_m
+    after = (time_s > 20.6) & (time_s < 22.0)  # by when the filter has taken the jump
+    assert np.abs(seen_m - held_m)[after].max() < 0.2e-3
+
+
+def test_noise_that_grows_is_known_within_seconds():
+    _, noise_m = smoothed(np.concatenate([noisy(200), 5.0 * noisy(200, seed=4)]), 5e-6)
+    assert noise_m == pytest.approx(5.0 * NOISE_m, rel=0.3)
+
+
 @pytest.mark.parametrize("allowed", (0.2, 0.5, 1.0))
 def test_noise_moves_it_by_no_more_than_is_allowed(allowed):
     position_m, _ = smoothed(noisy(), allowed * NOISE_m)
