@@ -7,6 +7,7 @@ Sources
     V. T. Morgan, "The overall convective heat transfer from smooth circular cylinders", Advances in Heat Transfer 11
     (1975) 199: still air around a thin horizontal wire.
     Dynalloy Inc., *Technical characteristics of Flexinol actuator wires*, F1140: density, specific heat, resistivity.
+    K. J. Åström and R. M. Murray, *Feedback Systems* (2008), 10.3: a phase margin of 30 to 60°.
 """
 
 from __future__ import annotations
@@ -18,8 +19,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from .base.balance import held_rise_K, holding_A
+from .base.calibration import Calibration
 from .base.parameters import ConfigError, from_mapping
 from .base.sections import Loop, SupplyParameters, ThermalParameters, Wire
+from .control.law import OWN_PERIODS
 from .safety.transformed import CAPACITY_WITHIN
 
 DENSITY_kg_m3 = 6450.0
@@ -41,6 +44,8 @@ LATENT = 3.0  #: by how much latent heat lengthens the lag of the temperature
 #: not tell what the wire loses; so it is read twelve times, as far as usual instruments answer, and where it is not the
 #: gains are less.
 READINGS, QUICKEST_Hz = 12.0, 100.0
+#: A wire on its branch is an integrator of the heat, 90° late; so late is what is answered by then, and 30° are left.
+_ANSWERED_rad = math.radians(60.0)
 _BIAS_RISE_K = 3.0
 _TRIP_HEADROOM_K = 5.0
 _AMBIENT_C, _DERATE_C, _HOTTEST_C = 24.0, 180.0, 200.0  # the defaults of the section thermal
@@ -73,14 +78,14 @@ def derived(mapping: Mapping[str, Any]) -> dict[str, Derived]:
     What is given (a measured heat loss, a chosen current) is built upon.  Raises ConfigError where the wire is not
     known.
     """
-    wire, problems = from_mapping(Wire, mapping.get("wire", {}), "wire.")
+    wire, problems = from_mapping(Wire, mapping.get("wire") or {}, "wire.")
     if problems:
         raise ConfigError(problems)
     out: dict[str, Derived] = {}
 
     def given(name: str, default: float = math.nan) -> float:
         section, _, key = name.partition(".")
-        value = mapping.get(section, {}).get(key, default)
+        value = (mapping.get(section) or {}).get(key, default)  # a section may be empty
         return float(value) if isinstance(value, int | float) else default
 
     def settle(name: str, value: float, why: str) -> float:
@@ -95,7 +100,8 @@ def derived(mapping: Mapping[str, Any]) -> dict[str, Derived]:
         f"{LATENT:g} · heat_capacity / heat_loss: latent heat makes the wire slower; identify measures it",
     )
     readings = _settle_rate(capacity / loss, given, settle)
-    _settle_gains(wire, given("supply.max_current", out["supply.max_current"].value), lag_s, readings, settle)
+    most_A = given("supply.max_current", out["supply.max_current"].value)
+    _settle_gains(wire, most_A, lag_s, readings, _steady_A_m(wire, mapping, given), settle)
     _settle_bounds(wire, settle)
     return out
 
@@ -206,20 +212,46 @@ def _settle_rate(time_constant_s: float, given: Any, settle: Any) -> float:
     return time_constant_s * rate_Hz
 
 
-def _settle_gains(wire: Wire, most_A: float, lag_s: float, readings: float, settle: Any) -> None:
+def _settle_gains(wire: Wire, most_A: float, lag_s: float, readings: float, steady_A_m: float, settle: Any) -> None:
     """No kd: it doubles what noise makes of the current, and buys no error (docs/control.md)."""
     slow = min(readings / READINGS, 1.0)
+    usual_A_m = 4.0 * slow * most_A / wire.full_stroke_m
     less = f", times {slow:.2g}: {readings:.2g} readings in heat_capacity / heat_loss instead of {READINGS:g}"
-    kp = settle(
-        "controller.kp",
-        _digits(4.0 * slow * most_A / wire.full_stroke_m, 2),
-        f"an error of a quarter of the full stroke asks for all of max_current{less if slow < 1.0 else ''}",
-    )
+    why = f"an error of a quarter of the full stroke asks for all of max_current{less if slow < 1.0 else ''}"
+    if steady_A_m < usual_A_m:
+        why = f"with more, {usual_A_m:.2g}, a wire that transforms within so few kelvins swings about its setpoint"
+    kp = settle("controller.kp", _digits(min(usual_A_m, steady_A_m), 2), why)
     settle(
         "controller.ki",
         _digits(4.0 * kp / lag_s, 2),
         "kp over a quarter of the lag of the temperature, which it makes up for",
     )
+
+
+def _steady_A_m(wire: Wire, mapping: Mapping[str, Any], given: Any) -> float:
+    """The largest proportional gain [A/m] with which a calibrated wire comes to rest; ∞ where nothing is known of its
+    transformation.
+
+    What a current is more than holds the wire, ΔI, moves it at v = 2 I R ΔI · stroke / Q: with Q, the heat that the
+    whole stroke takes along the flatter branch, latent heat included, at the current I that holds it at the top of the
+    range of stresses.  So the loop is kp v / (s ΔI), late by its own periods, and kp is that with which it has 30° left
+    where its gain is one.
+    """
+    calibration, problems = from_mapping(Calibration, mapping.get("calibration") or {}, "calibration.")
+    if problems or not calibration.transformation_known:
+        return math.inf
+    power = calibration.power
+    heating_C, cooling_C = power.transformation_heating, power.transformation_cooling
+    stretch_K = min(max(curve_C) - min(curve_C) for curve_C in (heating_C, cooling_C))
+    loss_W_K, capacity_J_K = given("thermal.heat_loss"), given("thermal.heat_capacity")
+    stroke_J = capacity_J_K * (power.latent_rise + stretch_K)
+    (_, short_m), (_, long_m) = calibration.ends
+    stroke_m = sum(long_m) / len(long_m) - sum(short_m) / len(short_m)
+    hot_Ohm = wire.resistance_Ohm(HOT_RESISTIVITY_Ohm_m)
+    hottest_C = max(heating_C) + power.transformation_shift[1] * wire.max_stress
+    held_A = holding_A(hottest_C - given("thermal.ambient_temperature", _AMBIENT_C), hot_Ohm, loss_W_K)
+    crossover_1_s = _ANSWERED_rad * given("loop.rate", Loop().rate) / OWN_PERIODS
+    return crossover_1_s * stroke_J / (stroke_m * 2.0 * held_A * hot_Ohm)
 
 
 def _settle_bounds(wire: Wire, settle: Any) -> None:

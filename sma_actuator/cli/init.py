@@ -407,7 +407,9 @@ def _get(mapping: Mapping[str, Any], name: str) -> Any:
 def _put(mapping: dict[str, Any], name: str, value: Any) -> None:
     *sections, last = name.split(".")
     for section in sections:
-        mapping = mapping.setdefault(section, {})
+        if mapping.get(section) is None:  # an empty one is there, with nothing in it
+            mapping[section] = {}
+        mapping = mapping[section]
     mapping[last] = value
 
 

@@ -26,7 +26,7 @@ from sma_actuator.base.parameters import parameter
 from sma_actuator.base.signals import Estimate, Signals
 
 from .heat import Landing
-from .law import CONTROL_LAWS, LawSections
+from .law import CONTROL_LAWS, OWN_PERIODS, LawSections
 from .pid import PidController, PidParameters, SHORTEST_STEP_s
 
 #: How much faster than reckoned the reference may move: the heat is not known better.
@@ -40,8 +40,6 @@ TOO_FAR = 0.01
 #: A way that is longer than this share of the full stroke ends where the wire arrives, by when a command acts, and not
 #: where its heat is reckoned to be enough; unless the heat is beyond that by so much.
 LONG_WAY, MOST_BEYOND_K = 0.03, 25.0
-#: Periods of the loop until what is asked for now acts: a reading is of the one before, and a command stands for one.
-OWN_PERIODS = 1.5
 #: Time over which what is asked for changes on a short way: a wire that turns can wait for it, and its current does not
 #: jump.
 TURNING_s = 0.15

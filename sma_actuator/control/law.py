@@ -12,6 +12,10 @@ from sma_actuator.base.registry import Registry
 from sma_actuator.base.sections import SupplyParameters, ThermalParameters, Wire
 from sma_actuator.base.signals import Estimate, Signals
 
+#: Periods of the loop until what is asked for now acts: a reading is the mean over the one before, and a command stands
+#: for one.
+OWN_PERIODS = 1.5
+
 
 class LawSections(Protocol):
     """The parameters that a control law is built from; a ``Config`` has them."""

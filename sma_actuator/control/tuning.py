@@ -24,7 +24,7 @@ import numpy as np
 
 from sma_actuator.base.signals import Tuned
 
-from .law import ControlLaw
+from .law import OWN_PERIODS, ControlLaw
 from .pid import PidParameters, SHORTEST_STEP_s
 
 #: What is tuned.  The rules ask for no derivative where nothing but a dead time stands beside the integrating process.
@@ -49,8 +49,6 @@ RAMPED, RAMP_1_s = (0.75, 0.35), 0.05
 #: pair has helped the other is not tried.
 TRIED = (((GAINS, 4.0), (GAINS, 0.25)), ((GAINS, 2.0), (GAINS, 0.5)), ((INTEGRAL, 2.0), (INTEGRAL, 0.5)))
 MOST_TRIALS = 9
-#: Dead time of the loop itself, in its periods: a reading is of the one before, and a command stands for one.
-OWN_PERIODS = 1.5
 #: By which share gains must be better to be taken: less is chance.
 BETTER = 0.03
 #: Unrest of the current at a held setpoint that counts as much as an error twice as large, as share of the bound.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -102,9 +102,11 @@ def identify(
     mapping, bench, experiments = ready.mapping, ready.bench, ready.experiments
     fitted = fitter.fit(experiments, bench, Asked(method, variant, order, progress))
     notes += ready.at_odds + list(fitted.notes)
-    reasons = ready.reasons | _follow_anew(mapping, ready.follows)
+    followed = _follow_anew(mapping, ready.follows)
     mapping["model"] = {"type": model_type, **to_mapping(fitted.coefficients)}
-    config, known = calibrated(mapping, experiments, at_rest=not fitter.any_size)
+    _, known = calibrated(mapping, experiments, at_rest=not fitter.any_size)
+    followed = _follow_anew(_without(mapping, followed), list(followed))  # gains follow from the calibration too
+    config, reasons = Config.for_tools(mapping), ready.reasons | followed
     notes += known
     if config.calibration.training.changed:
         notes.append(words_of(config.calibration.training.changed, bench.wire.full_stroke_m))
@@ -288,6 +290,14 @@ def _add_measured(mapping: dict[str, Any], found: Mapping[str, Derived]) -> tupl
                 "of the bench file, and the measured one is used"
             )
     return reasons, at_odds
+
+
+def _without(mapping: dict[str, Any], names: Iterable[str]) -> dict[str, Any]:
+    """The same mapping, and no longer these parameters in it."""
+    for name in names:
+        section, _, key = name.partition(".")
+        mapping[section].pop(key, None)
+    return mapping
 
 
 def _follow_anew(mapping: dict[str, Any], names: Sequence[str]) -> dict[str, str]:

@@ -1,5 +1,6 @@
 """A few answers make a bench file that is complete: limits and gains follow from them, and the file says how."""
 
+import math
 import multiprocessing
 import os
 import shutil
@@ -8,6 +9,7 @@ import sys
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from rig import Rig
 
@@ -299,6 +301,54 @@ def test_gains_are_less_where_a_wire_is_not_read_as_often_as_it_wants(diameter_m
     usual = 4.0 * found["supply.max_current"].value / 4e-3
     assert found["controller.kp"].value == pytest.approx(share * usual, rel=0.05)
     assert ("readings" in found["controller.kp"].why) == (share < 1.0)
+
+
+def test_a_wire_that_transforms_within_few_kelvins_gets_the_gain_with_which_it_comes_to_rest():
+    """With the usual one a foreign wire of 12 K swung about its setpoint, by 4 % of the stroke, for as long as it was
+    held."""
+    mapping = read_parameter_file(shared_file("config/flexinol.yaml"))
+    del mapping["controller"]
+    home = mapping["calibration"]["power"]
+    usual = derived(mapping)["controller.kp"]
+    assert "a quarter of the full stroke" in usual.why
+    for narrow in (0.3, 0.15):
+        power = home | {
+            name: [float(np.mean(home[name]) + narrow * (each_C - np.mean(home[name]))) for each_C in home[name]]
+            for name in ("transformation_heating", "transformation_cooling")
+        }
+        mapping["calibration"]["power"] = power | {"latent_rise": narrow * home["latent_rise"]}
+        found = derived(mapping)
+        assert found["controller.kp"].value < usual.value and "few kelvins" in found["controller.kp"].why
+        assert found["controller.ki"].value < derived(mapping | {"calibration": {}})["controller.ki"].value
+        assert _phase_left_deg(mapping, found["controller.kp"].value) == pytest.approx(30.0, abs=2.0)
+
+
+def _phase_left_deg(mapping, kp_A_m):
+    """Of the loop on its flatter branch, at its gain of one: an integrator that is 1.5 periods late."""
+    config = Config.for_tools(mapping)
+    power, thermal, hot_Ohm = (
+        config.calibration.power,
+        config.thermal,
+        config.wire.resistance_Ohm(HOT_RESISTIVITY_Ohm_m),
+    )
+    flat_K = min(np.ptp(power.transformation_heating), np.ptp(power.transformation_cooling))
+    hottest_K = max(power.transformation_heating) + power.transformation_shift[1] * config.wire.max_stress - 24.0
+    moved_W = 2.0 * math.sqrt(thermal.heat_loss * hottest_K * hot_Ohm)  # per ampere
+    (_, short_m), (_, long_m) = config.calibration.ends
+    m_J = (np.mean(long_m) - np.mean(short_m)) / (thermal.heat_capacity * (power.latent_rise + flat_K))
+    crossover_1_s = kp_A_m * moved_W * m_J
+    return 180.0 - 90.0 - math.degrees(crossover_1_s * 1.5 / config.loop.rate)
+
+
+def test_a_section_with_nothing_in_it_is_none(tmp_path):
+    start = tmp_path / "start.yaml"
+    text = shared_file("config/flexinol_bench.yaml").read_text(encoding="utf-8")
+    assert "    controller:\n" in text
+    lines = [line for line in text.splitlines() if not line.startswith(("      kp:", "      ki:"))]
+    start.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    words = ["init", "--start", str(start), "--set", "thermal.ambient_temperature=24"]
+    assert main([*words, "--out", str(tmp_path / "wire.yaml")]) == 0
+    assert read_parameter_file(tmp_path / "wire.yaml")["controller"]["kp"] == 400.0
 
 
 @pytest.mark.parametrize("loop", [{}, {"rate": 40.0}], ids=["derived", "given"])
