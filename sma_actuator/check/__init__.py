@@ -2,6 +2,7 @@
 test."""
 
 from .command import add_arguments, look_first, next_step, run
-from .selftest import Found, SelfTest, passed
+from .found import Found, passed
+from .selftest import SelfTest
 
 __all__ = ["Found", "SelfTest", "add_arguments", "look_first", "next_step", "passed", "run"]

@@ -17,7 +17,8 @@ from sma_actuator.config import BenchConfig, Config, config_from_mapping, requir
 from sma_actuator.console import add_output_arguments, notes, refuse_to_overwrite, results, say_next, typed, write_json
 from sma_actuator.instruments import Clock, Daq, PowerSupply
 
-from .selftest import Found, Level, SelfTest, passed
+from .found import Found, Level, passed
+from .selftest import SelfTest
 
 PATIENCE_s = 5.0  #: for an answer, to see how late it is
 _MARKS = {Level.OK: "ok", Level.WARNING: "look", Level.WRONG: "WRONG"}

@@ -9,7 +9,8 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from diagnostic_msgs.srv import SelfTest as SelfTestService
 
-from sma_actuator.check.selftest import Level, SelfTest, passed
+from sma_actuator.check.found import Level, passed
+from sma_actuator.check.selftest import SelfTest
 from sma_actuator.driver import DriverStopped
 from sma_actuator.instruments import open_instruments
 from sma_actuator.instruments.clock import MonotonicClock

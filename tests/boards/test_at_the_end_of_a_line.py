@@ -17,7 +17,8 @@ from drive import config_at
 from virtual_board import VirtualBench, Weight
 from waiting import STARTS_SOON
 
-from sma_actuator.check.selftest import Level, SelfTest
+from sma_actuator.check.found import Level
+from sma_actuator.check.selftest import SelfTest
 from sma_actuator.driver import Driver
 from sma_actuator.instruments import open_instruments
 from sma_actuator.instruments.clock import MonotonicClock

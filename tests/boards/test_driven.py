@@ -4,7 +4,8 @@ import pytest
 from virtual_board import VirtualBoard
 
 from sma_actuator.base.parameters import ConfigError
-from sma_actuator.check.selftest import Level, SelfTest
+from sma_actuator.check.found import Level
+from sma_actuator.check.selftest import SelfTest
 from sma_actuator.driver import Driver
 from sma_actuator.instruments import InstrumentLost, InstrumentRefused
 

@@ -9,8 +9,8 @@ from sma_actuator.base.share import shared_file
 from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock
 from sma_actuator.check import SelfTest
 from sma_actuator.check.command import PATIENCE_s, with_patience
+from sma_actuator.check.found import Level
 from sma_actuator.check.pace import Pace
-from sma_actuator.check.selftest import Level
 from sma_actuator.config import bench_from_mapping, read_parameter_file
 from sma_actuator.instruments import InstrumentLost
 

@@ -11,7 +11,7 @@ from sma_actuator.base.share import shared_file
 from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualClock, Weight
 from sma_actuator.bench.bench import Setup, VirtualBench
 from sma_actuator.check import SelfTest, passed
-from sma_actuator.check.selftest import Level
+from sma_actuator.check.found import Level
 from sma_actuator.cli.main import main
 from sma_actuator.config import Config, read_parameter_file, write_parameter_file
 from sma_actuator.plant.worlds import wire_in_world

@@ -11,7 +11,8 @@ from waiting import Elapsed
 from sma_actuator.bench import VirtualBench
 from sma_actuator.bench.in_process import InProcessDaq, InProcessSupply, VirtualClock
 from sma_actuator.bench.server import background
-from sma_actuator.check.selftest import Level, SelfTest
+from sma_actuator.check.found import Level
+from sma_actuator.check.selftest import SelfTest
 from sma_actuator.config import Config
 from sma_actuator.driver import Driver
 from sma_actuator.instruments import highest_rate_Hz, open_daq, open_supply

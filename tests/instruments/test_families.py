@@ -10,7 +10,8 @@ from serial_line import SerialInstrument
 from tcp_line import TcpInstrument
 
 from sma_actuator.base.signals import Reading
-from sma_actuator.check.selftest import SelfTest, passed
+from sma_actuator.check.found import passed
+from sma_actuator.check.selftest import SelfTest
 from sma_actuator.config import Config
 from sma_actuator.instruments import LimitsNotHeld, open_supply
 from sma_actuator.instruments.clock import MonotonicClock
