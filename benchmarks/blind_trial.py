@@ -164,8 +164,7 @@ def _with_every_kind(chosen: Sequence[Case], every: int, turn: int) -> list[Case
     return [case for _, case in sorted(placed, key=lambda x: x[0])]
 
 
-def main() -> int:
-    """Run the trial and print it; returns 0."""
+def _options() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
         "--physics",
@@ -216,7 +215,12 @@ def main() -> int:
     parser.add_argument(
         "--picture", type=Path, metavar="FILE", help="draw the probabilities said against what was true"
     )
-    args = parser.parse_args()
+    return parser
+
+
+def main() -> int:
+    """Run the trial and print it; returns 0."""
+    args = _options().parse_args()
     require_twins({name: effect.PART for name, effect in EFFECTS.items()})
     until_s = time.monotonic() + 60.0 * args.minutes
     todo = _that_have_a_model([(case, model) for case in _asked(args) for model in args.models])

@@ -245,6 +245,11 @@ def alone() -> dict[str, dict[str, float]]:
         }
         for name, times in seconds.items()
     }
+    _print(rows)
+    return rows
+
+
+def _print(rows: dict[str, dict[str, float]]) -> None:
     print(
         f"median of {ROUNDS} turns of {CALLS} calls; of {RESTS} after a rest of {1e3 * REST_s:g} ms; {_circumstances()}"
     )
@@ -253,7 +258,6 @@ def alone() -> dict[str, dict[str, float]]:
             f"{name:22s} {row['us_per_call']:8.2f} µs   {row['ratio_to_simple_pid']:6.2f} × simple-pid   after a rest "
             f"{row['us_after_a_rest']:8.2f} µs   {row['ratio_after_a_rest']:6.2f} ×"
         )
-    return rows
 
 
 if __name__ == "__main__":

@@ -173,8 +173,17 @@ def run(case: Case, keep: bool = False) -> Found:
                 limits_s[name] = limits_s.get(name, 0.0) + period_s
             if output.status.mode is Mode.OFF:
                 fault = output.status.fault
+    found = _judged(case, config, rows, hottest_C=hottest_C, limits_s=limits_s, fault=fault)
+    if keep:
+        names = ("time_s", "asked_m", "estimate_m", "truth_m", "current_A", "uncertainty_m")
+        found.series = dict(zip(names, np.array(rows, dtype=float).T, strict=True))
+    return found
+
+
+def _judged(case: Case, config: Config, rows: list[tuple[float, ...]], *, fault: str, **seen: Any) -> Found:
+    """What the samples of a run say, beside what else was ``seen``."""
     time_s, asked_m, estimate_m, truth_m, current_A, uncertainty_m = np.array(rows, dtype=float).T
-    percent = 100.0 / config.wire.full_stroke_m
+    period_s, percent = 1.0 / config.loop.rate, 100.0 / config.wire.full_stroke_m
     model, control, output = (
         percent * np.abs(a - b) for a, b in ((truth_m, estimate_m), (asked_m, estimate_m), (asked_m, truth_m))
     )
@@ -191,9 +200,8 @@ def run(case: Case, keep: bool = False) -> Found:
         there=np.nan,
         covered=_mean(np.abs(truth_m - estimate_m)[known] <= uncertainty_m[known]),
         unrest=np.nan,
-        hottest_C=hottest_C,
-        limits_s=limits_s,
         fault=fault,
+        **seen,
     )
     if case.program == "steps":
         part = time_s % DWELL_s / DWELL_s
@@ -209,9 +217,6 @@ def run(case: Case, keep: bool = False) -> Found:
         found.there = _mean(output[later] <= FOLLOWED) if later.any() else 0.0
     if fault:
         found.there = 0.0
-    if keep:
-        names = ("time_s", "asked_m", "estimate_m", "truth_m", "current_A", "uncertainty_m")
-        found.series = dict(zip(names, (time_s, asked_m, estimate_m, truth_m, current_A, uncertainty_m), strict=True))
     return found
 
 

@@ -104,6 +104,37 @@ def slower(logs: list[BenchLog], factor: int) -> list[BenchLog]:
     return [dataclasses.replace(log, columns={k: v[::factor] for k, v in log.columns.items()}) for log in logs]
 
 
+def beside_the_thesis(title: str, configs: dict[str, Config], judged, numbers: dict[str, object]) -> Table:
+    """The errors of each variant under each load; ``numbers``: where they go too."""
+    table = Table(title=f"{title}: mean absolute error, % of full stroke")
+    headers = ("model", "load", "working range", "thesis", "samples in it", "full range", "load taken for constant")
+    for header in (*headers, "thesis"):
+        table.add_column(header, justify="left" if header in ("model", "load") else "right")
+    for variant, config in configs.items():
+        rows, constant = judge(judged, config), judge(judged, config, wrongly_constant)
+        thesis, thesis_constant = THESIS[variant]
+        for i, load in enumerate(ROWS):
+            table.add_row(
+                variant,
+                load,
+                f"{rows[i][0]:.2f}",
+                f"{thesis[i]:.2f}",
+                f"{rows[i][1]:.0%}",
+                f"{rows[i][2]:.2f}",
+                f"{constant[i][0]:.2f}",
+                f"{thesis_constant[i]:.2f}" if thesis_constant else "",
+            )
+            numbers[f"{variant} {load}"] = {
+                "working": rows[i][0],
+                "share": rows[i][1],
+                "full": rows[i][2],
+                "constant": constant[i][0],
+                "thesis": thesis[i],
+            }
+        table.add_section()
+    return table
+
+
 def main() -> int:
     """Print every table; returns 0."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -123,41 +154,7 @@ def main() -> int:
             configs[variant] = identify(
                 calibration, mapping, wire, variant=variant if wire == "furukawa" else "average"
             ).config
-        table = Table(title=f"{title}, {args.physics}: mean absolute error, % of full stroke")
-        for header in (
-            "model",
-            "load",
-            "working range",
-            "thesis",
-            "samples in it",
-            "full range",
-            "load taken for constant",
-            "thesis",
-        ):
-            table.add_column(header, justify="left" if header in ("model", "load") else "right")
-        for variant, config in configs.items():
-            rows, constant = judge(judged, config), judge(judged, config, wrongly_constant)
-            thesis, thesis_constant = THESIS[variant]
-            for i, load in enumerate(ROWS):
-                table.add_row(
-                    variant,
-                    load,
-                    f"{rows[i][0]:.2f}",
-                    f"{thesis[i]:.2f}",
-                    f"{rows[i][1]:.0%}",
-                    f"{rows[i][2]:.2f}",
-                    f"{constant[i][0]:.2f}",
-                    f"{thesis_constant[i]:.2f}" if thesis_constant else "",
-                )
-                numbers[f"{variant} {load}"] = {
-                    "working": rows[i][0],
-                    "share": rows[i][1],
-                    "full": rows[i][2],
-                    "constant": constant[i][0],
-                    "thesis": thesis[i],
-                }
-            table.add_section()
-        console.print(table)
+        console.print(beside_the_thesis(f"{title}, {args.physics}", configs, judged, numbers))
         if wire == "flexinol":
             fits_and_steps(console, numbers, calibration, judged, mapping, configs["flexinol"])
         literature(console, numbers, wire, calibration, judged, configs)
