@@ -88,11 +88,12 @@ def seconds_to_off(board):
     return board.world.off_since_s - begun_s
 
 
+@pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL])
 @by("cpython", "micropython")
-def test_firmware_that_is_stopped_is_off_and_found_again_and_a_line_that_is_cut_is_off(board):
+def test_firmware_that_stands_still_is_off_and_found_again_and_a_line_that_is_cut_is_off(board, number):
     with driven(board) as driver:
         before = board.firmware
-        before.send_signal(signal.SIGSTOP)
+        before.send_signal(number)
         assert seconds_to_off(board) <= 0.5 + MEASURING_s
         wait_until(lambda: board.firmware is not before)
         wait_until(lambda: not driver.lost_instruments)

@@ -68,10 +68,10 @@ class SimulatedBoard:
                 line.flush()
 
     def _watch(self) -> None:
-        """The watchdog is the world's: so time goes on there for a program that somebody has stopped."""
+        """The watchdog is the world's: so time goes on there for a program that somebody has stopped, or ended."""
         while not self._ended.wait(LOOK_s):
             with contextlib.suppress(OSError):
-                if Path(f"/proc/{self.firmware.pid}/stat").read_text().rpartition(")")[2].split()[0] == "T":
+                if Path(f"/proc/{self.firmware.pid}/stat").read_text().rpartition(")")[2].split()[0] in "TZ":
                     self.world.keep_up()
             if self.world.was_reset:
                 self._end_firmware()
