@@ -29,9 +29,9 @@ from .selection import paired
 from .trace.candidates import Candidate
 from .trace.evidence import Evidence
 from .trace.fitting import Fit, fit
+from .trace.prediction import Prediction
 from .trace.rows import Rows
 from .trace.tracing import trace
-from .trace.witnesses import Prediction
 
 MOST_SAMPLES = 15_000  #: of all logs together that are traced; those of more are thinned
 FOLDS = 3  #: of logs

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .evidence import Comparison
-from .following import smooth
+from .prediction import smooth
 from .quantities import quantities
 
 BINS = 10

@@ -24,10 +24,10 @@ from sma_actuator.estimation.effects import Effect, Effects
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.errors import BenchLogError
 
-from .following import FollowedAnew, Where
 from .limits import LIMITS
+from .prediction import FollowedAnew, Prediction, Where
 from .prepared import Prepared
-from .witnesses import WITNESSES, Power, Prediction, Residual, Rests, Springs, Witness, limited
+from .witnesses import WITNESSES, Power, Residual, Rests, Springs, Witness, limited
 
 #: Error above which a model is not of this wire, or the bench is another: half the stroke.
 HOPELESS_percent = 50.0

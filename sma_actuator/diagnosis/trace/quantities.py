@@ -7,7 +7,7 @@ import numpy as np
 from sma_actuator.estimation.lag import lagged
 
 from .evidence import Comparison
-from .following import smooth
+from .prediction import smooth
 
 POWER_LAGS_s = (1.0, 10.0, 100.0)
 

@@ -22,10 +22,10 @@ from sma_actuator.diagnosis.trace.evidence import Comparison
 from sma_actuator.diagnosis.trace.experiments import best_experiment
 from sma_actuator.diagnosis.trace.fitting import fit, fit_of
 from sma_actuator.diagnosis.trace.floor import where_it_was
-from sma_actuator.diagnosis.trace.following import Where, smooth
 from sma_actuator.diagnosis.trace.likeliest import likeliest
 from sma_actuator.diagnosis.trace.limits import LIMITS
 from sma_actuator.diagnosis.trace.pairs import PROMISING, pairs, promising
+from sma_actuator.diagnosis.trace.prediction import Where, smooth
 from sma_actuator.diagnosis.trace.probability import Probabilities
 from sma_actuator.diagnosis.trace.problem import Problem
 from sma_actuator.diagnosis.trace.quantities import quantities

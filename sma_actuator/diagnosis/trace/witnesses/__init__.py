@@ -10,9 +10,9 @@ from .power import Power
 from .residual import Residual
 from .rest import Rests
 from .spring import Springs
-from .witness import Prediction, Witness, limited
+from .witness import Witness, limited
 
 #: Beside the displacement all along, in the order of their rows.
 WITNESSES = (*Rests.names, *Springs.names, *Power.names)
 
-__all__ = ["WITNESSES", "Power", "Prediction", "Residual", "Rests", "Springs", "Witness", "limited"]
+__all__ = ["WITNESSES", "Power", "Residual", "Rests", "Springs", "Witness", "limited"]

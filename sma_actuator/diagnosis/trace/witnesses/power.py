@@ -14,9 +14,10 @@ from sma_actuator.base.remembered import Remembered
 from sma_actuator.calibration.power import passages, warmer_K
 from sma_actuator.config import Config
 from sma_actuator.diagnosis.trace.limits import LIMITS
+from sma_actuator.diagnosis.trace.prediction import Prediction
 from sma_actuator.diagnosis.trace.prepared import Prepared
 
-from .witness import Prediction, Witness
+from .witness import Witness
 
 
 class Power(Witness):

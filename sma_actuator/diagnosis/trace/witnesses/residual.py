@@ -13,11 +13,10 @@ from sma_actuator.calibration.expectation import Expectation, always_so_m
 from sma_actuator.calibration.interval import INTERVAL
 from sma_actuator.calibration.rest import SPREAD
 from sma_actuator.config import Config
+from sma_actuator.diagnosis.trace.prediction import Prediction
 from sma_actuator.diagnosis.trace.prepared import Prepared
 from sma_actuator.estimation.chain import Chain, Judged
 from sma_actuator.estimation.effects.frame import Frame, Place
-
-from .witness import Prediction
 
 #: Floor of a model whose file does not say how good it was, % of full stroke.
 FLOOR_percent = 1.5

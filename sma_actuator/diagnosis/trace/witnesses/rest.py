@@ -11,9 +11,10 @@ import numpy as np
 from sma_actuator.base.calibration import Calibration
 from sma_actuator.calibration.rest import AtRest, Rest, Usual
 from sma_actuator.config import Config
+from sma_actuator.diagnosis.trace.prediction import Prediction
 from sma_actuator.diagnosis.trace.prepared import Prepared
 
-from .witness import Prediction, Witness
+from .witness import Witness
 
 ON_ITS_WAY = 0.1  #: of full stroke: so far from where it will rest, a wire still transforms
 

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from sma_actuator.diagnosis.trace.limits import LIMITS
+from sma_actuator.diagnosis.trace.prediction import Prediction
 from sma_actuator.diagnosis.trace.prepared import Prepared
 
-from .witness import Prediction, Witness
+from .witness import Witness
 
 LOADS_DIFFER = 0.1  #: spread of the load, over the load, from which it counts as changing
 PART = 0.2  #: share of a unit below which the mean of its heating, or cooling, is that of a few readings on the way

@@ -3,29 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from sma_actuator.diagnosis.trace.limits import LIMITS
-
-
-@dataclass(frozen=True, slots=True)
-class Prediction:
-    """A model with effects on one log, arrays of shape (n,)."""
-
-    shown_m: np.ndarray  #: displacement that the reference sensor should show
-    model_m: np.ndarray  #: displacement of the strain model alone
-    sensor_m: np.ndarray  #: what it should show beyond what the load pulls at
-    beside_m: np.ndarray  #: how much further than the wire it should show the joint, where the wire is as expected
-    expected_m: np.ndarray  #: residual that is expected, of the samples that are compared
-    heating: np.ndarray
-    resistance_Ohm: np.ndarray  #: as the strain model sees it
-    power_W: np.ndarray
-    heat_W: np.ndarray  #: what of it the calibration's heat balance sees
-    stress_Pa: np.ndarray
-    elapsed_s: np.ndarray
+from sma_actuator.diagnosis.trace.prediction import Prediction
 
 
 class Witness(Protocol):

@@ -1,4 +1,5 @@
-"""What the reference sensor shows of where the wire is, and not of where its model has it.
+"""What a model with some effects predicts of a log: what its chain makes of the readings, and what the reference sensor
+then shows of where the wire is, and not of where its model has it.
 
 What follows the wire with a memory (play, a lag, a filter) follows it through the errors that its model is known to
 make.
@@ -19,10 +20,25 @@ from sma_actuator.estimation.chain import Chain, Judged
 from sma_actuator.estimation.effects import Effect
 from sma_actuator.estimation.effects.frame import Frame, Place
 
-from .witnesses import Prediction
-
 AFTER_THE_MODEL = ("at_displacement", "shown")  #: stages of the chain
 SMOOTHED_s = 0.3  #: within which a wire does not go to and fro
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """A model with effects on one log, arrays of shape (n,)."""
+
+    shown_m: np.ndarray  #: displacement that the reference sensor should show
+    model_m: np.ndarray  #: displacement of the strain model alone
+    sensor_m: np.ndarray  #: what it should show beyond what the load pulls at
+    beside_m: np.ndarray  #: how much further than the wire it should show the joint, where the wire is as expected
+    expected_m: np.ndarray  #: residual that is expected, of the samples that are compared
+    heating: np.ndarray
+    resistance_Ohm: np.ndarray  #: as the strain model sees it
+    power_W: np.ndarray
+    heat_W: np.ndarray  #: what of it the calibration's heat balance sees
+    stress_Pa: np.ndarray
+    elapsed_s: np.ndarray
 
 
 @dataclass(frozen=True, slots=True)
