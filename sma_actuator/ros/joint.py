@@ -29,11 +29,11 @@ from sma_msgs_py import diagnostic_status_from, pair_command_from
 from .arguments import RosArguments
 from .commands import Commands
 from .guard import refuse_what_raises
+from .log import ERROR, INFO, Log, namesakes
 from .parameters import ROS_PARAMETERS, NodeParameters
+from .publishers import Publishers
 from .services import CALL_TIMEOUT_s
-from .telling import Telling
 from .topics import JOINT, Service, offer
-from .words import ERROR, INFO, Log, namesakes
 
 
 class WireNode(PairedWire, Protocol):
@@ -78,7 +78,7 @@ class JointNode(Node):
             self, parameters, lambda changed, _: self._pair.update(changed), flows=lambda: self._pair.is_driven
         )
         self._commands = Commands(self, self)
-        self._telling: Telling[JointOutput] = Telling(self, self, JOINT)
+        self._topics: Publishers[JointOutput] = Publishers(self, self, JOINT)
         offer(self, [Service("~/clear_fault", Trigger, self._on_clear_fault)])
         refuse_what_raises(self, self.report)
         for number, wire in enumerate(wires):
@@ -161,19 +161,19 @@ class JointNode(Node):
         """An exception that no message is to blame for: both wires go off, the node goes on."""
         self.report(f"{type(error).__name__} in a ROS callback: {error}; {self.switch_off()[1]}")
 
-    # --- what it says (telling.py) -----------------------------------------------------------------
+    # --- what it says (publishers.py) -----------------------------------------------------------------
 
     def _take_output(self, output: JointOutput) -> None:
         """Hand an output over, in the control thread of the first wire."""
-        self._telling.take(output)
+        self._topics.take(output)
 
     def turn(self) -> None:
         """What the ROS thread does between callbacks."""
-        self._telling.turn()
+        self._topics.turn()
 
     def wake_no_more(self) -> None:
         """End the hand-off, so that ROS can be shut down."""
-        self._telling.close()
+        self._topics.close()
 
     @property
     def has_to_act(self) -> bool:

@@ -38,8 +38,8 @@ from sma_actuator.base.streams import keep_standard_streams, unblockable_streams
 from . import arguments as ros_arguments
 from .guard import spin
 from .joint import JointNode
+from .publishers import TURN_PERIOD_s
 from .switch import Switch
-from .telling import TURN_PERIOD_s
 from .wire import SmaActuatorNode
 
 #: The interpreter passes the GIL on at least this often; its default, 5 ms, would show in the loop's period.

@@ -15,7 +15,7 @@ from sma_actuator.driver import Driver
 from sma_actuator.logs.recorder import BenchLogRecorder
 
 from .commands import Commands
-from .words import Log
+from .log import Log
 
 
 class OneWire(Protocol):

@@ -15,9 +15,9 @@ from sma_actuator.driver import DriverStopped
 from sma_actuator.instruments import open_instruments
 from sma_actuator.instruments.clock import MonotonicClock
 
+from .log import ERROR, INFO, WARNING
 from .one_wire import OneWire
 from .topics import Service
-from .words import ERROR, INFO, WARNING
 
 END_s = 2.0  #: one that is to end has done so by then, instruments that answer given
 _LEVELS = {

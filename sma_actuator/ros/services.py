@@ -10,9 +10,9 @@ from std_srvs.srv import Trigger
 
 from sma_actuator.driver import Driver
 
+from .log import INFO
 from .one_wire import OneWire
 from .topics import Service
-from .words import INFO
 
 CALL_TIMEOUT_s = 0.6  #: a service waits no longer for the control thread
 

@@ -1,8 +1,8 @@
 """One wire as a lifecycle node: its life, and the loop that is opened, asked and given up with it.
 
-What it publishes: ``topics.py`` and ``telling.py``, in which words: ``spoken.py``; what moves it: ``commands.py`` and
-``moved_wire.py``; what else it is asked for: ``services.py``, ``switch.py``, ``self_testing.py``; the process around
-it: ``node.py``.
+What it publishes: ``topics.py`` and ``publishers.py``, in which words: ``reporter.py``; what moves it: ``commands.py``
+and ``moved_wire.py``; what else it is asked for: ``services.py``, ``switch.py``, ``self_testing.py``; the process
+around it: ``node.py``.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ from sma_actuator.logs.recorder import BenchLogRecorder
 from . import arguments as ros_arguments
 from .commands import Commands
 from .guard import refuse_what_raises
+from .log import ERROR, INFO, WARNING, Log, namesakes
 from .moved_wire import MovedWire
 from .parameters import NO_SIM_TIME, ROS_PARAMETERS, NodeParameters
+from .publishers import Publishers
+from .reporter import WireReporter
 from .self_testing import SelfTesting
 from .services import CALL_TIMEOUT_s, services_of
-from .spoken import Spoken
 from .switch import Switchable
-from .telling import Telling
 from .topics import WIRE, offer
-from .words import ERROR, INFO, WARNING, Log, namesakes
 
 ENABLE_TIMEOUT_s = 5.0  #: ``~/enable`` waits for a supply of any speed to confirm it; off of any kind ends that
 FEED_TIMEOUT_s = 0.9  #: silence of the ROS thread after which the driver switches the wire off
@@ -80,8 +80,8 @@ class SmaActuatorNode(LifecycleNode):
             self.log.say(WARNING, hot)
         self.self_testing = SelfTesting(self)
         self.commands = Commands(self, MovedWire(self))
-        self._spoken = Spoken(self)
-        self._telling: Telling[Output] = Telling(self, self._spoken, WIRE)
+        self._reporter = WireReporter(self)
+        self._topics: Publishers[Output] = Publishers(self, self._reporter, WIRE)
         offer(self, (*services_of(self), self.self_testing.service))
         self._change_state = self._service_change_state.callback
         self._service_change_state.callback = self._on_change_state
@@ -132,18 +132,18 @@ class SmaActuatorNode(LifecycleNode):
         """Hand an output over, in the control thread."""
         if self.joint_takes is not None:
             self.joint_takes(output)
-        self._spoken.note(output)
-        self._telling.take(output)
+        self._reporter.note(output)
+        self._topics.take(output)
 
     def _feed(self) -> None:
         """Say to the loop that ROS lives."""
-        if self.driver is not None and self._telling.moves():
+        if self.driver is not None and self._topics.moves():
             self.driver.feed()
 
     def turn(self) -> None:
         """What the ROS thread does between callbacks."""
         self._feed()
-        self._telling.turn()
+        self._topics.turn()
 
     def report(self, sentence: str) -> None:
         """Say why something was refused."""
@@ -165,7 +165,7 @@ class SmaActuatorNode(LifecycleNode):
 
     def wake_no_more(self) -> None:
         """End the hand-off, so that ROS can be shut down."""
-        self._telling.close()
+        self._topics.close()
 
     # --- on, off, and whatever else the loop is asked ------------------------------------------------
 
@@ -241,7 +241,7 @@ class SmaActuatorNode(LifecycleNode):
             response.success = False
             return response
         response = self._change_state(request, response)
-        self._telling.publish_status()
+        self._topics.publish_status()
         return response
 
     def _transitions(self) -> dict[int, str]:
@@ -255,7 +255,7 @@ class SmaActuatorNode(LifecycleNode):
         if state == "inactive":
             self.trigger_activate()
         if state != "unconfigured":
-            self._telling.publish_status()
+            self._topics.publish_status()
             return
         if self.config.wait_for_instruments and not self._hopeless:
             self._later(self._autostart)
@@ -324,7 +324,7 @@ class SmaActuatorNode(LifecycleNode):
                 self.refusal = f"{type(error).__name__}: {error}"
                 self.log.say(ERROR, traceback.format_exc())
             self.give_up_driver()
-            self._telling.publish_status()
+            self._topics.publish_status()
             return False
         self._awaited, self._wait_s = set(), 0.0
         return True

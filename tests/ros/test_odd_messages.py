@@ -217,7 +217,7 @@ class TestDefects:
         bench = start_bench("--load", "weight:0.98")
         program = """
 import sys
-from sma_actuator.ros import commands, node, spoken
+from sma_actuator.ros import commands, node, reporter
 def broken(self, message):
     raise ZeroDivisionError("provoked")
 commands.Commands._on_setpoint = broken
@@ -236,14 +236,14 @@ sys.exit(node.main())
         bench, now = start_bench("--load", "weight:0.98"), tmp_path / "now"
         program = f"""
 import os, sys
-from sma_actuator.ros import commands, node, spoken
-health = spoken.Spoken._key_values
+from sma_actuator.ros import commands, node, reporter
+health = reporter.WireReporter._key_values
 def broken(self):
     if os.path.exists({str(now)!r}):
         os.remove({str(now)!r})
         raise ZeroDivisionError("provoked")
     return health(self)
-spoken.Spoken._key_values = broken
+reporter.WireReporter._key_values = broken
 sys.exit(node.main())
 """
         node = start_node(make_config(instruments=bench.instruments()), program=("-c", program))
@@ -274,7 +274,7 @@ sys.exit(node.main())
         bench = start_bench("--load", "weight:0.98")
         program = f"""
 import ctypes, sys, threading
-from sma_actuator.ros import commands, node, spoken
+from sma_actuator.ros import commands, node, reporter
 libc = ctypes.CDLL(None)
 node.END_s = 1.0
 {hangs}

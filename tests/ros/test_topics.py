@@ -16,9 +16,9 @@ from sma_actuator.actuator import Actuator
 from sma_actuator.base.signals import Branch, Estimate, JointEstimate, Mode, Quality, Reading, Status
 from sma_actuator.pair import JointOutput
 from sma_actuator.ros.commands import Commands
+from sma_actuator.ros.publishers import Publishers
 from sma_actuator.ros.self_testing import SelfTesting
 from sma_actuator.ros.services import services_of
-from sma_actuator.ros.telling import Telling
 from sma_actuator.ros.topics import JOINT, WIRE, Of, Step
 from sma_msgs_py import diagnostic_status_from
 
@@ -52,7 +52,7 @@ class Node:
         return SimpleNamespace(trigger=lambda: None)
 
 
-def speaker(config, time_s):
+def reporter(config, time_s):
     """Says nothing but what every node must."""
     return SimpleNamespace(
         config=config,
@@ -93,12 +93,12 @@ def test_a_row_is_all_that_a_topic_needs(row, wire):
     rows = WIRE if row in WIRE else JOINT
     config, output = wire if rows is WIRE else joint(wire)
     node = Node(heard=row.name)
-    telling = Telling(node, speaker(config, 1.0), rows)
-    telling.turn()
-    telling._publish(output, [output])
+    publishers = Publishers(node, reporter(config, 1.0), rows)
+    publishers.turn()
+    publishers._publish(output, [output])
     said = node.made[row.name].messages
     assert isinstance(whole(row, said[0]), row.kind)
-    telling.close()
+    publishers.close()
     assert not any(node.made[each.name].messages for each in rows if each.of is not Of.STATUS and each is not row)
 
 

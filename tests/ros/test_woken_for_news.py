@@ -12,15 +12,15 @@ NAME = "/sma_actuator"
 
 _COUNTING = """
 import atexit, sys
-from sma_actuator.ros import node, telling
+from sma_actuator.ros import node, publishers
 calls = {"_publish": 0, "_take_news": 0}
 def counted(name, inner):
     def call(self, *arguments):
         calls[name] += 1
         return inner(self, *arguments)
-    setattr(telling.Telling, name, call)
+    setattr(publishers.Publishers, name, call)
 for name in calls:
-    counted(name, getattr(telling.Telling, name))
+    counted(name, getattr(publishers.Publishers, name))
 code = node.main()
 print(f"woken for {calls['_take_news']} of {calls['_publish']} outputs", file=sys.stderr)
 sys.exit(code)

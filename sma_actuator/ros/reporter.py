@@ -1,4 +1,4 @@
-"""What a wire's node has to say: of its steps, and of itself in every state of its life."""
+"""What a wire's node reports, on its topics and in its log: of its steps, and of itself in every state of its life."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from sma_actuator.config import Config
 from sma_actuator.control.tuning import words_of
 from sma_msgs_py import diagnostic_status_from, health_status_from
 
+from .log import ERROR, INFO, WARNING, Events
 from .one_wire import OneWire
-from .words import ERROR, INFO, WARNING, Events
 
 #: Of the loop's statistics, in the diagnostics.
 _OF_THE_LOOP = ("period_mean_s", "period_p99_s", "period_max_s", "overruns", "late_answers", "slowest_answer_s")
 
 
-class Spoken:
-    """The speaker (``telling.py``) of one wire."""
+class WireReporter:
+    """The reporter (``publishers.py``) of one wire."""
 
     def __init__(self, wire: OneWire):
         self._wire = wire

@@ -1,4 +1,4 @@
-"""What a node says, of each step and of itself: its topics, and who is woken for them.
+"""The publishers of a node: what goes out with each step and of the node itself, and who is woken for it.
 
 What flows is published in the thread of the hand-over (``publishing.py``), and only what somebody listens to; what is
 said in words, in the ROS thread, which is woken where there is news.
@@ -29,7 +29,7 @@ Output = TypeVar("Output")
 _Output_contra = TypeVar("_Output_contra", contravariant=True)
 
 
-class Speaker(Protocol[_Output_contra]):
+class Reporter(Protocol[_Output_contra]):
     """What there is to say, and of what."""
 
     @property
@@ -63,14 +63,14 @@ class Speaker(Protocol[_Output_contra]):
         """Take an exception that no message is to blame for."""
 
 
-class Telling(Generic[Output]):
+class Publishers(Generic[Output]):
     """The topics of one node, made from their rows."""
 
-    def __init__(self, node: Any, speaker: Speaker[Output], rows: Sequence[Published]):
-        self._speaker = speaker
+    def __init__(self, node: Any, reporter: Reporter[Output], rows: Sequence[Published]):
+        self._reporter = reporter
         self._made: list[tuple[Published, Any]] = []
         for row in rows:
-            if row.is_made(speaker.config):
+            if row.is_made(reporter.config):
                 # The state of a node is of interest in every state of its life.
                 lasts = row.of is Of.STATUS or not hasattr(node, "create_lifecycle_publisher")
                 make = node.create_publisher if lasts else node.create_lifecycle_publisher
@@ -81,7 +81,7 @@ class Telling(Generic[Output]):
         self._published: tuple[Any, ...] = ()  #: of what the last status said
         self._happened: list[str] = []  #: what no message has told yet
         self._woken = node.create_guard_condition(self._take_news)
-        self._handoff: Handoff[Output] = Handoff(self._publish, speaker.callback_failed)
+        self._handoff: Handoff[Output] = Handoff(self._publish, reporter.callback_failed)
 
     @property
     def latest(self) -> Output | None:
@@ -92,32 +92,32 @@ class Telling(Generic[Output]):
 
     def take(self, output: Output) -> None:
         """Hand an output over: to be published where anybody listens, or where it is news."""
-        self._handoff.put(output, bool(self._heard) or bool(self._speaker.events_of(output)) or self._is_news(output))
+        self._handoff.put(output, bool(self._heard) or bool(self._reporter.events_of(output)) or self._is_news(output))
 
     def _is_news(self, output: Output) -> bool:
-        return self._speaker.has_to_act or self._speaker.in_short(output) != self._told
+        return self._reporter.has_to_act or self._reporter.in_short(output) != self._told
 
     # --- in the thread of the hand-over ------------------------------------------------------------
 
     def _publish(self, output: Output, waiting: Sequence[Output]) -> None:
         """Publish what flows of the latest output, and of all that have come; have said what is new in it."""
-        heard = self._heard if self._speaker.is_active else []
+        heard = self._heard if self._reporter.is_active else []
         if heard:
             step = self._step(output)
             if isfinite(step.time_s):
                 self._send(step, [each for each in heard if each[0].of is Of.LATEST])
         every = [each for each in heard if each[0].of is Of.EVERY]
         for each in waiting:
-            self._happened += self._speaker.events_of(each)
+            self._happened += self._reporter.events_of(each)
             if every and self._send(self._step(each, "; ".join(self._happened)), every):
                 self._happened = []
         del self._happened[:-_MOST_HAPPENED]
         if self._is_news(output):
-            self._told = self._speaker.in_short(output)
+            self._told = self._reporter.in_short(output)
             self._woken.trigger()
 
     def _step(self, output: Output, happened: str = "") -> Step:
-        return Step(output, self._speaker.config, self._speaker.time_of(output), happened)
+        return Step(output, self._reporter.config, self._reporter.time_of(output), happened)
 
     @staticmethod
     def _send(step: Step, heard: Sequence[tuple[Published, Any]]) -> bool:
@@ -133,15 +133,15 @@ class Telling(Generic[Output]):
 
     def _take_news(self) -> None:
         output = self.latest
-        self._speaker.say(output)
-        if output is not None and self._speaker.in_short(output) != self._published:
+        self._reporter.say(output)
+        if output is not None and self._reporter.in_short(output) != self._published:
             self.publish_status()
 
     def publish_status(self) -> None:
         """Say how the node is."""
         output = self.latest
-        self._published = self._speaker.in_short(output) if output is not None else ()
-        statuses = self._speaker.statuses(output)
+        self._published = self._reporter.in_short(output) if output is not None else ()
+        statuses = self._reporter.statuses(output)
         for row, publisher in self._made:
             if row.of is Of.STATUS and (row.is_kept or is_heard(publisher)):
                 publisher.publish(row.message(statuses))
@@ -158,7 +158,7 @@ class Telling(Generic[Output]):
         if now_s >= self._status_due_s - 0.5 * TURN_PERIOD_s:  # the next turn may be further from it
             self._status_due_s = max(self._status_due_s + STATUS_PERIOD_s, now_s)
             # what goes on without being new is noted as well, so that it is not said again
-            self._speaker.say(self.latest)
+            self._reporter.say(self.latest)
             self.publish_status()
 
     def moves(self) -> bool:

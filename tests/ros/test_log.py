@@ -6,7 +6,7 @@ import pytest
 from sma_actuator.actuator import AFTER_A_FAULT
 from sma_actuator.base.signals import Mode, Status
 from sma_actuator.driver import NOT_ASKED
-from sma_actuator.ros.words import (
+from sma_actuator.ros.log import (
     ERROR,
     INFO,
     MOST_REFUSALS,
