@@ -514,8 +514,8 @@ class Session:
         """What may be so where it has never answered; to end a sentence with."""
         why = f"; is instruments.{self.role}.serial.baud_rate, {self._manner.serial.baud_rate}, right?"
         ends = (
-            f"; do its lines end otherwise than with {self._manner.write_termination!r} "
-            f"(instruments.{self.role}.write_termination)?"
+            f"; does it want more than instruments.{self.role}.timeout; do its lines end otherwise than with "
+            f"{self._manner.write_termination!r} (instruments.{self.role}.write_termination)?"
         )
         return f"{why if self._is_serial else ''}{ends}{self.may_begin_anew}"
 
