@@ -242,7 +242,7 @@ class AnyOrder(RuleBasedStateMachine):
 
     @rule()
     def begin(self):
-        self.machine.begun(1.0, 0.0035)
+        self.machine.begun(self.now_s, 0.0035)
 
     @invariant()
     def off_remembers_nothing(self):
