@@ -52,13 +52,13 @@ def calibration_of(experiments: Sequence[Experiment], config: Config, at_rest: b
     )
 
 
-def _through(config: Config, experiments: Sequence[Experiment]) -> list[Estimates]:
+def _through(config: Config, experiments: Sequence[Experiment]) -> Sequence[Estimates]:
     """Every experiment through the chain, which goes on through stretches of one log that follow each other."""
-    chain, out = Chain(config), []
+    chain, out = Chain(config), list[Estimates]()
     for experiment, anew in zip(experiments, begins_anew(experiments), strict=True):
         if anew:
             chain = Chain(config)
-        out.append(chain.run(experiment.signals))
+        out.append(chain.judge(experiment.signals))
     return out
 
 

@@ -29,7 +29,7 @@ DECISIONS = "heat_balance", "power", "resistance_rate"
 
 @dataclass(frozen=True, slots=True)
 class EstimatorParameters:
-    """How the branch is told, and how the velocity is smoothed."""
+    """How the branch is told, what beside the resistance tells the displacement, and how the velocity is smoothed."""
 
     branch_decision: str = parameter("heat_balance", "how heating is told from cooling", choices=DECISIONS)
     heating_power: float = parameter(0.2, "wire power above which it is heating (power)", "W", 1e-6, 1e3, live="either")
@@ -53,6 +53,9 @@ class EstimatorParameters:
         live="either",
     )
     velocity_time_constant: float = parameter(0.1, "low-pass of the published velocity", "s", 0.0, 10.0, live="either")
+    elastic_load: bool = parameter(
+        True, "whether a load that rises as the wire contracts, a spring's, tells the displacement too (whole_range)"
+    )
 
 
 @jit

@@ -27,6 +27,7 @@ from .branch import BranchDetector, EstimatorParameters, is_heating
 from .circuit import CircuitSections
 from .effects import Effect, EffectError, Effects, in_order
 from .effects.frame import Frame, Place
+from .elastic_load import ElasticLoad
 from .hot_end import HotEnd, HotEndSections, is_contracted
 from .models import COEFFICIENTS, Coefficients, ModelError, StrainModel, ThermalStrainModel
 
@@ -248,6 +249,8 @@ class Chain:
         # A model of the whole range has been at both ends; its estimates scatter about them.
         slack_m = 0.0 if self._thermal is None else STROKE_MARGIN * (high_m - low_m)
         self._bounds = np.array([*self._stress_Pa, low_m - slack_m, high_m + slack_m])
+        asked = thermal and config.estimator.elastic_load
+        self._elastic_load = ElasticLoad(config.wire.full_stroke_m) if asked else None
         self._resistances_Ohm = config.safety.resistance_min, config.safety.resistance_max
         self._velocity_state = np.full(3, nan)
         self._effects = [
@@ -308,6 +311,8 @@ class Chain:
         self._started = False
         self._velocity_state[:] = nan  # it begins with the first displacement
         self._hot_end.reset()
+        if self._elastic_load is not None:
+            self._elastic_load.reset()
         for _, effect, state in self._effects:
             effect.forget_the_loop(state)
         self._last = Estimate(-inf, nan, nan, 0.0, Branch.COOLING, Quality.INVALID)
@@ -354,6 +359,8 @@ class Chain:
         if frame is not None:
             frame.heating, frame.displacement_m = np.array([heating]), np.array([displacement_m])
             displacement_m = float(self._act(self._at_displacement, frame).displacement_m[0])
+        if self._elastic_load is not None:
+            displacement_m, uncertainty_m = self._elastic_load.step(time_s, stress_Pa, displacement_m, uncertainty_m)
         velocity_m_s, quality = _told(time_s, displacement_m, stress_Pa, contracted, *self._told_by)
         self._last = Estimate(
             time_s,
@@ -393,7 +400,8 @@ class Chain:
         return Estimates(**self._run(signals, judged=False))
 
     def judge(self, signals: Signals) -> Judged:
-        """The judged view of n samples: the same, and what a reference sensor should show."""
+        """The judged view of n samples: the model's alone, whatever the load tells, and what a reference sensor should
+        show."""
         return Judged(**self._run(signals, judged=True))
 
     def _run(self, signals: Signals, judged: bool) -> dict[str, Any]:
@@ -459,6 +467,9 @@ class Chain:
             displacement_m = np.ascontiguousarray(self._act(self._at_displacement, frame).displacement_m)
             if "shown_m" in out:
                 shown_m = self._act(self._shown, frame).displacement_m
+        if self._elastic_load is not None and "shown_m" not in out:
+            displacement_m, uncertainty_m = np.array(displacement_m), np.array(uncertainty_m)
+            self._elastic_load.run(time_s, stress_Pa, displacement_m, uncertainty_m)
         velocity_m_s, quality = np.empty(len(time_s)), np.empty(len(time_s), dtype=np.int64)
         _velocity_all(time_s, displacement_m, self._velocity_state, self._velocity_time_constant_s, velocity_m_s)
         _quality_all(displacement_m, stress_Pa, contracted, self._bounds, quality)
