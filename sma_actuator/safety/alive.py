@@ -20,6 +20,7 @@ WINDOW = 100  #: readings over which a channel is called quiet
 #: Times its noise by which a channel may move over a window that shows how noisy it is: a load that is held on a spring
 #: creeps.  Motion that is no quicker adds a hundredth to second differences.
 CREEPS = 5.0
+RATTLES = 0.002  #: share of the largest current by which it may step while a load on a spring counts as standing
 WINDOWS = 2  #: of a channel that stood, before the latest, which may hold the beginning of the end
 SWING = 0.3  #: share of the full stroke that is a motion
 ALIKE = 2.0  #: motions are alike whose stiffness differs by less than this factor
@@ -109,6 +110,10 @@ class Liveliness:
         self._state = floats(5)
         self._state[_LATEST], self._state[_LEAST] = nan, inf
 
+    def begin_window(self) -> None:
+        """No window with a reading of before says how noisy it is while it stands."""
+        self._state[_FRESH] = 0.0
+
     def step(self, value: float) -> float:
         """Share of the least noise that the last readings have; NaN until both are known."""
         return _noise(self._recent, self._steps, self._state, value)
@@ -178,6 +183,11 @@ class Following:
             return nan
         return max(shown)
 
+    @property
+    def elastic(self) -> bool:
+        """Whether the load has lately gone with the wire, as on a spring."""
+        return any(self._stiffness)
+
     def _is_another(self, swing_m: float, noise_N: float) -> bool:
         """Whether the load has lately changed by more than the last motions have shown of it, over the way that the
         wire went; what was within the noise may be as steep as that."""
@@ -200,8 +210,23 @@ class LoadAlive:
     repeats: Repeats = field(default_factory=Repeats)
     noise: Liveliness = field(default_factory=Liveliness)
     following: Following = field(default_factory=Following)
+    _elastic: bool = False
+    _before_A: float = nan
     _is_suspect: bool = False
     _contradicted: bool = False  #: with the reading before
+
+    def quiet(self, value_V: float, current_A: float, most_A: float) -> float:
+        """Share of the least noise that the channel has had which it has lately; NaN until both are known.
+
+        On a spring the wire's load moves with every step of the current: there only windows count in which that stood.
+        """
+        jumped, self._before_A = not abs(current_A - self._before_A) <= RATTLES * most_A, current_A
+        was_elastic, self._elastic = self._elastic, self.following.elastic
+        if self._elastic and not was_elastic:
+            self.noise = Liveliness()
+        elif self._elastic and jumped:
+            self.noise.begin_window()
+        return self.noise.step(value_V)
 
     def is_suspect(self, contradicted: bool) -> bool:
         """Whether the load has changed by itself, what it does is not known anew, and the displacement sensor did not

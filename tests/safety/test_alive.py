@@ -146,6 +146,33 @@ def follow(following, places_m, loads_N):
     return [words for pair in zip(places_m, loads_N, strict=True) if (words := following.step(*pair, 1e-3, 0.03))]
 
 
+class TestNoiseUnderLoads:
+    """What current and load do in this order: moved, held with a current that rattles, held with one that stands."""
+
+    MOST_A = 0.35
+
+    def shares(self, stiffness_N_m, rattle_N, noise_N=1.0, left=1.0):
+        """Shares of the last part, in which ``left`` of the noise is there."""
+        alive, rng = LoadAlive(), np.random.default_rng(1)
+        for number in range(600):
+            place_m = 2e-3 * math.sin(0.05 * number)
+            alive.following.step(place_m, 200.0 + stiffness_N_m * place_m, 1.2e-3, 1.0)
+        for _ in range(600):
+            alive.quiet(rattle_N * rng.normal() + noise_N * rng.normal(), 0.2 + 0.01 * rng.normal(), self.MOST_A)
+        steady = [alive.quiet(noise_N * rng.normal(), 0.2, self.MOST_A) for _ in range(600)]
+        return steady, [alive.quiet(left * noise_N * rng.normal(), 0.2, self.MOST_A) for _ in range(200)]
+
+    def test_a_wire_that_does_not_rattle_any_more_on_its_spring_is_no_dead_load_cell(self):
+        steady, later = self.shares(-5e4, rattle_N=2.0)
+        assert not any(share < 0.5 for share in steady + later)
+
+    @pytest.mark.parametrize("stiffness_N_m", [0.0, -5e4], ids=["weight", "spring"])
+    def test_one_that_dies_is(self, stiffness_N_m):
+        steady, later = self.shares(stiffness_N_m, rattle_N=0.0, left=0.3)
+        assert not any(share < 0.5 for share in steady)
+        assert any(share < 0.5 for share in later)
+
+
 class TestFollowing:
     PLACES_m = 2e-3 + 1.5e-3 * np.sin(np.arange(0.0, 50.0, 0.05))
 
