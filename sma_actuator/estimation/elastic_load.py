@@ -23,8 +23,9 @@ LEARNS, REMEMBERED = 0.01, 150.0
 #: It wants to have learned so often, over so much of the stroke (standard deviation), and to leave no more than this
 #: share of the variance: a weight's load goes with nothing.
 LEAST, SPREAD, LEFT = 30.0, 0.1, 0.1
-#: No model is surer than this share of the stroke (standard deviation), and no line: springs are not quite straight.
-SUREST, STRAIGHTEST = 0.005, 0.003
+#: No model is surer than this share of the stroke (standard deviation), nor is the line, which is learned from the
+#: model: what that is off by everywhere, both are.
+SUREST = 0.005
 #: Beyond the stresses that it has learned, by more than this share of their range, the line says nothing.
 BEYOND = 0.1
 #: A load that moves the line's place by more than this share of the stroke within so short a time, and the wire by less
@@ -112,7 +113,7 @@ def _told(
     slope_m_Pa, rest_m2 = _line(state, stroke_m)
     if slope_m_Pa < 0.0:
         line_m = state[_PLACE_m] + slope_m_Pa * (stress_Pa - state[_STRESS_Pa])
-        line_m2 = rest_m2 + (STRAIGHTEST * stroke_m) ** 2
+        line_m2 = rest_m2 + (SUREST * stroke_m) ** 2
         away = (place_m - line_m) ** 2 / (model_m**2 + line_m2)
         likely = (1.0 + away / LIKELY**2) ** -2
         if model_m < SURE * stroke_m:
@@ -123,7 +124,7 @@ def _told(
         elif _has_seen(state, stress_Pa):
             share = model_m**2 / (model_m**2 + line_m2)
             told_m = place_m + share * (line_m - place_m)
-            told_half_m = 2.0 * sqrt(share * line_m2)
+            told_half_m = min(uncertainty_m, 2.0 * sqrt(line_m2))  # they are not independent
     lately = 1.0 - exp(-step_s / WITHIN_s)
     state[_LATELY_Pa] += lately * (stress_Pa - state[_LATELY_Pa])
     state[_LATELY_m] += lately * (place_m - state[_LATELY_m])
