@@ -21,6 +21,10 @@ Output = TypeVar("Output")
 
 #: Outputs are published at the loop's rate, but not faster than this: at 1 kHz it would take the loop's own time.
 LEAST_PERIOD_s = 5e-3
+#: Wires that step together do so one after the other, as Python lets one thread run: sixteen at 20 Hz in some 15 ms.  A
+#: thread that publishes in between would take turns with all of them: the first is let wait for the others for this
+#: share of the time from one step to the next, and no longer than that.
+TOGETHER, LONGEST_s = 0.2, 10e-3
 #: Some seconds' worth at the usual rates, for a thread that is held up.
 OUTPUTS_WAITING = 500
 _CLOSING_s = 1.0  #: longest wait for the thread's end
@@ -81,7 +85,7 @@ class _Thread:
     """Publishes for all wires of a process, one after the other.
 
     What one wire's thread would look up again and again, the publishers of ROS and what lies below, is at hand for all
-    that have stepped at the same time: the second costs a tenth of the first.
+    that have stepped at the same time: the second costs a tenth of the first, and those are waited for.
     """
 
     def __init__(self) -> None:
@@ -94,16 +98,23 @@ class _Thread:
         self._signs.put(handoff)
 
     def _run(self) -> None:
-        began_s = -inf
+        began_s, number = -inf, 1
         while True:
             first = self._signs.get()
-            left_s = began_s + LEAST_PERIOD_s - time.monotonic()
-            if left_s > 0.0:
-                time.sleep(left_s)
-            began_s = time.monotonic()
+            wait_s = waits_s(time.monotonic() - began_s, number)
+            if wait_s > 0.0:
+                time.sleep(wait_s)
+            began_s, number = time.monotonic(), 1
             first.publish()
             while not self._signs.empty():
                 self._signs.get().publish()
+                number += 1
+
+
+def waits_s(since_s: float, number: int) -> float:
+    """How long the first waits, so long after the last turn began, in which so many were published."""
+    least_s = LEAST_PERIOD_s - since_s
+    return max(least_s, min(TOGETHER * since_s, LONGEST_s)) if number > 1 else least_s
 
 
 @functools.cache

@@ -3,13 +3,14 @@
 import itertools
 import threading
 import time
+from math import inf
 
 import pytest
 import rclpy
 from processes import wait_until
 from std_msgs.msg import Float64
 
-from sma_actuator.ros.publishing import OUTPUTS_WAITING, Handoff, _Thread, is_heard
+from sma_actuator.ros.publishing import OUTPUTS_WAITING, Handoff, _Thread, is_heard, waits_s
 
 
 @pytest.fixture
@@ -195,6 +196,14 @@ def test_at_a_thousand_outputs_a_second_it_does_not_take_the_loops_time():
     fast.close()
     gaps_s = sorted(after - before for before, after in itertools.pairwise(at_s))
     assert gaps_s[len(gaps_s) // 4] > 2.5e-3, "a busy machine makes some longer, the next shorter"
+
+
+def test_those_that_step_together_are_waited_for_and_one_alone_is_not():
+    at_20_Hz, at_100_Hz = 0.05, 0.01
+    assert waits_s(at_20_Hz, 1) < 0.0 and waits_s(0.002, 1) == pytest.approx(0.003)
+    assert waits_s(at_20_Hz, 16) == pytest.approx(0.01) and waits_s(at_100_Hz, 2) == pytest.approx(0.002)
+    assert waits_s(0.002, 2) == pytest.approx(0.003), "never more often than every 5 ms"
+    assert waits_s(60.0, 2) == waits_s(inf, 2) == pytest.approx(0.01)
 
 
 def test_a_topic_is_heard_from_the_first_subscriber_on_and_not_before():
