@@ -211,6 +211,23 @@ def test_a_hot_rest_counts_though_the_wire_is_not_quite_as_hot_as_at_the_calibra
     assert 0.0 < off[0] < 1.0 and off[1] > off[0] + 1.0
 
 
+def test_with_the_gain_of_a_load_cell_known_a_session_is_as_if_it_had_none(wire, config, clean):
+    """What a model is expected to leave between the loads of its calibration, too: of those that hung there."""
+    slope, offset, gain = config.load_cell.slope, config.load_cell.offset, 0.3
+    logs = [changed(log, load_cell_voltage_V=_more(log, slope, offset, gain)) for log in session(wire[0])]
+    evidence = Evidence(logs, config)
+    known = {"load_cell_gain": candidate("load_cell_gain", scales_of(evidence)).build({"gain": gain})}
+    held = evidence.held_where(known)
+    assert held.compare(known).unexpected_percent == pytest.approx(clean.compare({}).unexpected_percent, rel=1e-6)
+    floors = (np.concatenate(one.of_displacement.floor_m) for one in (held, clean))
+    assert next(floors) == pytest.approx(next(floors), rel=1e-6)
+
+
+def _more(log, slope, offset, gain):
+    """What a load cell of that slope and offset gives for so much more load."""
+    return ((1.0 + gain) * (slope * log["load_cell_voltage_V"] + offset) - offset) / slope
+
+
 @ONE_LOG_AND_TWO
 def test_a_spring_tells_a_drifting_sensor_from_a_creeping_wire(wire, config, logs):
     """Its load follows the wire; so a line that bends is the sensor's, and one that is straight is not."""

@@ -3,12 +3,14 @@ history."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from sma_actuator.base.calibration import SINCE_THEN, SINCE_THEN_WITHIN, Calibration, left_in_place
+from sma_actuator.base.remembered import Remembered
 from sma_actuator.calibration.expectation import Expectation, always_so_m
 from sma_actuator.calibration.interval import INTERVAL
 from sma_actuator.calibration.rest import SPREAD
@@ -45,10 +47,10 @@ class Residual:
         expected = calibration.expectation.known and not self._says_how_sure
         #: What the calibration expects; a model that says itself how sure it is has left nothing to expect.
         self.expectation = Expectation(config) if expected else None
-        #: Of every log, for the model as it is: how far it is from half the way to one whose load was always what it
-        #: is, by the loads of its calibration.
-        loads_Pa = np.array(calibration.interval.residual_stress)
-        self._always_so_m = [always_so_m(signals, chain, loads_Pa) for signals, _ in logs.seen] if expected else []
+        followed = logs.followed_by(chain) if expected else ()
+        #: Of every log, what the strain model sees now.
+        self._as_it_is = [dataclasses.replace(p.signals, resistance_Ohm=p.resistance_Ohm) for p in followed]
+        self._model, self._always_so = Chain(config, {}), Remembered()
         self.floor_m: list[np.ndarray] = []
         self.row_units = np.concatenate([each[rows] for each, rows in zip(logs.unit, logs.compared, strict=True)])
         self.row_names = np.zeros(len(self.row_units), dtype=int)
@@ -69,7 +71,7 @@ class Residual:
             c = self.calibration
             percent = max(c.error, c.largest_error) if c.known else FLOOR_percent
             return np.full(len(here), percent / 100 * self._full_stroke_m)
-        return np.hypot(self.expectation.floor_m(found, here), self._always_so_m[number][here])
+        return np.hypot(self.expectation.floor_m(found, here), self._always_so_m(number, found)[here])
 
     def take_one_floor(self) -> None:
         """Take the floor's root mean square everywhere."""
@@ -90,7 +92,16 @@ class Residual:
             return since_m
         usual_m = self.expectation.residual_m(found, here, ambient_counts)
         expected_m = np.interp(found.time_s, found.time_s[here], usual_m)
-        return expected_m + self._always_so_m[number] + since_m
+        return expected_m + self._always_so_m(number, found) + since_m
+
+    def _always_so_m(self, number: int, found: Judged) -> np.ndarray:
+        """How far the model is from half the way to one whose load was always what it is, by the loads of its
+        calibration, of n samples of a log: under the load that it sees now, for what a load cell shows too much never
+        hung there; and at the resistance of the model as it is, which hardly changes what another load does."""
+        load_N, stress_Pa = found.signals.load_N, found.signals.stress_Pa
+        seen = dataclasses.replace(self._as_it_is[number], load_N=load_N, stress_Pa=stress_Pa)
+        loads_Pa = np.array(self.calibration.interval.residual_stress)
+        return self._always_so.of(lambda: always_so_m(seen, self._model, loads_Pa), np.array([number]), stress_Pa)
 
     def _changed_m(self, found: Judged) -> np.ndarray:
         """How far the wire moved while it was calibrated, where it is now, of n samples: the hot end most."""
