@@ -71,11 +71,12 @@ class Peer:
         threading.Thread(target=work, daemon=True).start()
 
     def keep_saying(self, data, every_s):
-        """Until the test is over, or the connection."""
+        """From the first question on, until the test is over, or the connection."""
         connection = self.connection
 
         def work():
             with contextlib.suppress(OSError):
+                connection.recv(4096)
                 while not self._stop.wait(every_s):
                     connection.sendall(data)
 
