@@ -20,7 +20,7 @@ WINDOW = 100  #: readings over which a channel is called quiet
 #: Times its noise by which a channel may move over a window that shows how noisy it is: a load that is held on a spring
 #: creeps.  Motion that is no quicker adds a hundredth to second differences.
 CREEPS = 5.0
-RATTLES = 0.002  #: share of the largest current by which it may step while a load on a spring counts as standing
+AS_QUIET = 1.5  #: windows whose noise differs by less than this factor are as quiet
 WINDOWS = 2  #: of a channel that stood, before the latest, which may hold the beginning of the end
 SWING = 0.3  #: share of the full stroke that is a motion
 ALIKE = 2.0  #: motions are alike whose stiffness differs by less than this factor
@@ -54,8 +54,9 @@ class Repeats:
 
 
 #: What is remembered of a channel's noise beside its last values and their second differences: how many there are,
-#: how many since the last window that counted, the level of that, the least of those before it, how many those are.
-_SEEN, _FRESH, _LATEST, _LEAST, _BEFORE = range(5)
+#: how many since the last window that counted, the level of that, the least of those before it, how many those are; how
+#: restless the current was in the latest, and at the least in one as quiet as the least.
+_SEEN, _FRESH, _LATEST, _LEAST, _BEFORE, _LATEST_A, _LEAST_A = range(7)
 _QUARTER = WINDOW // 4
 
 
@@ -79,7 +80,7 @@ def _push(values: Floats, newest: float) -> None:
 
 
 @jit
-def _noise(recent: Floats, steps: Floats, state: Floats, value: float) -> float:
+def _noise(recent: Floats, steps: Floats, state: Floats, value: float, restless_A: float) -> float:
     """See :meth:`Liveliness.step`; ``recent`` and ``steps`` end with the newest."""
     if state[_SEEN] >= 2.0:
         _push(steps, abs(value - 2.0 * recent[-1] + recent[-2]))
@@ -90,12 +91,18 @@ def _noise(recent: Floats, steps: Floats, state: Floats, value: float) -> float:
         return nan
     level = sum(steps) / (WINDOW - 2)
     share = level / state[_LEAST] if state[_BEFORE] >= WINDOWS else nan
+    if restless_A < state[_LEAST_A]:
+        share *= state[_LEAST_A] / max(restless_A, 1e-3 * state[_LEAST_A])
     if state[_FRESH] >= WINDOW and level > 0.0 and _range_of_quarters(recent) <= CREEPS * level:
         state[_FRESH] = 0.0
         if isfinite(state[_LATEST]):
+            if state[_LATEST] < state[_LEAST] / AS_QUIET:
+                state[_LEAST_A] = state[_LATEST_A]
+            elif state[_LATEST] < AS_QUIET * state[_LEAST]:
+                state[_LEAST_A] = min(state[_LEAST_A], state[_LATEST_A])
             state[_LEAST] = min(state[_LEAST], state[_LATEST])
             state[_BEFORE] += 1.0
-        state[_LATEST] = level
+        state[_LATEST], state[_LATEST_A] = level, restless_A
     return share
 
 
@@ -107,16 +114,16 @@ class Liveliness:
     def __init__(self) -> None:
         self._recent = floats(WINDOW)
         self._steps = floats(WINDOW - 2)  #: second differences: what is left of a steady motion is noise
-        self._state = floats(5)
+        self._state = floats(7)
         self._state[_LATEST], self._state[_LEAST] = nan, inf
 
-    def begin_window(self) -> None:
-        """No window with a reading of before says how noisy it is while it stands."""
-        self._state[_FRESH] = 0.0
+    def step(self, value: float, restless_A: float = 0.0) -> float:
+        """Share of the least noise that the last readings have; NaN until both are known.
 
-    def step(self, value: float) -> float:
-        """Share of the least noise that the last readings have; NaN until both are known."""
-        return _noise(self._recent, self._steps, self._state, value)
+        On a spring a load moves with every step of the current: as many times as that is less restless now than it was
+        in the least noise (``restless_A``, mean over as many readings), as many times less may be left of it.
+        """
+        return _noise(self._recent, self._steps, self._state, value, restless_A)
 
 
 @dataclass(slots=True)
@@ -183,11 +190,6 @@ class Following:
             return nan
         return max(shown)
 
-    @property
-    def elastic(self) -> bool:
-        """Whether the load has lately gone with the wire, as on a spring."""
-        return any(self._stiffness)
-
     def _is_another(self, swing_m: float, noise_N: float) -> bool:
         """Whether the load has lately changed by more than the last motions have shown of it, over the way that the
         wire went; what was within the noise may be as steep as that."""
@@ -210,23 +212,18 @@ class LoadAlive:
     repeats: Repeats = field(default_factory=Repeats)
     noise: Liveliness = field(default_factory=Liveliness)
     following: Following = field(default_factory=Following)
-    _elastic: bool = False
     _before_A: float = nan
+    _restless_A: float = 0.0
     _is_suspect: bool = False
     _contradicted: bool = False  #: with the reading before
 
-    def quiet(self, value_V: float, current_A: float, most_A: float) -> float:
-        """Share of the least noise that the channel has had which it has lately; NaN until both are known.
-
-        On a spring the wire's load moves with every step of the current: there only windows count in which that stood.
-        """
-        jumped, self._before_A = not abs(current_A - self._before_A) <= RATTLES * most_A, current_A
-        was_elastic, self._elastic = self._elastic, self.following.elastic
-        if self._elastic and not was_elastic:
-            self.noise = Liveliness()
-        elif self._elastic and jumped:
-            self.noise.begin_window()
-        return self.noise.step(value_V)
+    def quiet(self, value_V: float, current_A: float) -> float:
+        """Share of the least noise that the channel has had which it has lately; NaN until both are known."""
+        stepped_A = abs(current_A - self._before_A)
+        self._before_A = current_A
+        if isfinite(stepped_A):
+            self._restless_A += (stepped_A - self._restless_A) / WINDOW
+        return self.noise.step(value_V, self._restless_A)
 
     def is_suspect(self, contradicted: bool) -> bool:
         """Whether the load has changed by itself, what it does is not known anew, and the displacement sensor did not

@@ -146,31 +146,29 @@ def follow(following, places_m, loads_N):
     return [words for pair in zip(places_m, loads_N, strict=True) if (words := following.step(*pair, 1e-3, 0.03))]
 
 
-class TestNoiseUnderLoads:
-    """What current and load do in this order: moved, held with a current that rattles, held with one that stands."""
+class TestNoiseOfALoadThatMovesWithTheCurrent:
+    """Held restlessly, then at rest: what is left is the load cell's own noise."""
 
-    MOST_A = 0.35
-
-    def shares(self, stiffness_N_m, rattle_N, noise_N=1.0, left=1.0):
-        """Shares of the last part, in which ``left`` of the noise is there."""
+    def shares(self, rattle, left=1.0, rests=True):
+        """Shares of a part in which the current rests, or goes on as restlessly, and ``left`` of the noise is there."""
         alive, rng = LoadAlive(), np.random.default_rng(1)
-        for number in range(600):
-            place_m = 2e-3 * math.sin(0.05 * number)
-            alive.following.step(place_m, 200.0 + stiffness_N_m * place_m, 1.2e-3, 1.0)
         for _ in range(600):
-            alive.quiet(rattle_N * rng.normal() + noise_N * rng.normal(), 0.2 + 0.01 * rng.normal(), self.MOST_A)
-        steady = [alive.quiet(noise_N * rng.normal(), 0.2, self.MOST_A) for _ in range(600)]
-        return steady, [alive.quiet(left * noise_N * rng.normal(), 0.2, self.MOST_A) for _ in range(200)]
+            alive.quiet(rattle * rng.normal() + rng.normal(), 0.2 + 0.01 * rng.normal())
+        restless_A = 0.001 if rests else 0.01
+        parts = [(1.0, 600), (left, 300)]
+        return [
+            [alive.quiet(noise * rng.normal(), 0.2 + restless_A * rng.normal()) for _ in range(number)]
+            for noise, number in parts
+        ]
 
-    def test_a_wire_that_does_not_rattle_any_more_on_its_spring_is_no_dead_load_cell(self):
-        steady, later = self.shares(-5e4, rattle_N=2.0)
-        assert not any(share < 0.5 for share in steady + later)
+    def test_a_wire_that_comes_to_rest_on_its_spring_is_no_dead_load_cell(self):
+        assert not any(share < 0.5 for part in self.shares(rattle=2.0) for share in part)
 
-    @pytest.mark.parametrize("stiffness_N_m", [0.0, -5e4], ids=["weight", "spring"])
-    def test_one_that_dies_is(self, stiffness_N_m):
-        steady, later = self.shares(stiffness_N_m, rattle_N=0.0, left=0.3)
-        assert not any(share < 0.5 for share in steady)
-        assert any(share < 0.5 for share in later)
+    @pytest.mark.parametrize("rests", [True, False])
+    def test_one_that_dies_is(self, rests):
+        well, dead = self.shares(rattle=0.0, left=0.3, rests=rests)
+        assert not any(share < 0.5 for share in well)
+        assert any(share < 0.5 for share in dead)
 
 
 class TestFollowing:
