@@ -420,6 +420,6 @@ def _anew(mapping: dict[str, Any], tracing: Tracing) -> Calibration:
     config = Config.for_tools(mapping)
     known = dataclasses.replace(config.calibration, error=float(np.mean(errors)), largest_error=max(errors))
     if evidence.beyond_floor and known.expectation.known:
-        found = [Chain(config).run(t.signals) for t in evidence.logs.experiments]
+        found = [Chain(config).judge(t.signals) for t in evidence.logs.experiments]
         known = dataclasses.replace(known, expectation=learn(evidence.logs.experiments, found, config))
     return known
