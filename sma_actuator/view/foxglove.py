@@ -90,7 +90,7 @@ class Topics:
     def __init__(self, nodes: Sequence[str], host: str, port: int):
         self._prefixes = tuple(f"{node}/" for node in nodes)
         self._channels: dict[str, tuple[foxglove.Channel, str]] = {}
-        self._new: list[str] = []
+        self._looks: collections.Counter[str] = collections.Counter()
         self._lookers: collections.defaultdict[str, set[int]] = collections.defaultdict(set)
         self._subscriptions: dict[str, Any] = {}
         self._foxglove = foxglove.Context()
@@ -141,12 +141,13 @@ class Topics:
     def _look(self) -> None:
         """Offer the topics that there are."""
         # The server refuses who asks for a channel in the instant in which it is offered, and viewers ask only once:
-        # what is new and looked at by nobody is offered once more.
-        for topic in [each for each in self._new if not self._lookers[each]]:
-            refused, kind = self._channels[topic]
-            refused.close()
-            self._offer(topic, kind)
-        self._new = []
+        # what nobody looks at is offered once more, after 1, 2, 4, ... looks, for a busy machine refuses twice too.
+        for topic in [each for each in self._channels if not self._lookers[each]]:
+            self._looks[topic] += 1
+            if self._looks[topic].bit_count() == 1:
+                refused, kind = self._channels[topic]
+                refused.close()
+                self._offer(topic, kind)
         for topic, kinds in self._ros.get_topic_names_and_types():
             known = next((each for each in kinds if each in _KINDS), None)
             if (
@@ -158,7 +159,6 @@ class Topics:
             if not self._ros.count_publishers(topic):
                 continue
             self._offer(topic, known)
-            self._new.append(topic)
 
     def _offer(self, topic: str, kind: str) -> None:
         schema = foxglove.Schema(name=kind, encoding="ros2msg", data=definition_of(_KINDS[kind]).encode())

@@ -106,13 +106,13 @@ def test_every_message_arrives_as_it_was_sent_and_nothing_can_be_done(node, outp
 
 
 async def _offers(port, topic):
-    """How a viewer that looks at nothing is offered a topic and has it taken back, until it is offered again."""
+    """How a viewer that looks at nothing is offered a topic and has it taken back, until it is offered a third time."""
     heard = []
     async with (
         aiohttp.ClientSession() as session,
         session.ws_connect(f"ws://127.0.0.1:{port}", protocols=["foxglove.sdk.v1"]) as socket,
     ):
-        while [each["op"] for each in heard] != ["advertise", "unadvertise", "advertise"]:
+        while [each["op"] for each in heard] != ["advertise", *["unadvertise", "advertise"] * 2]:
             message = json.loads((await socket.receive(SOON_s)).data)
             ids = {channel["id"] for channel in message.get("channels", []) if channel["topic"] == topic}
             ids |= {each["id"] for each in heard} & set(message.get("channelIds", []))
@@ -120,12 +120,14 @@ async def _offers(port, topic):
     return [each["id"] for each in heard]
 
 
-def test_what_nobody_looks_at_is_offered_once_more_since_the_server_may_have_refused_who_asked(node):
-    """foxglove-sdk 0.30.3 answers "Unknown channel ID" to a client that asks in the instant of the offer."""
+def test_what_nobody_looks_at_is_offered_again_since_the_server_may_have_refused_who_asked(node):
+    """foxglove-sdk 0.30.3 answers "Unknown channel ID" to a client that asks in the instant of the offer; on a busy
+    machine twice."""
     with contextlib.closing(Topics([NAME], "127.0.0.1", 0)) as topics:
         publisher = node.create_publisher(DiagnosticStatus, f"{NAME}/status", 1)
-        first, taken_back, second = asyncio.run(_offers(topics.port, publisher.topic_name))
-    assert first == taken_back != second
+        first, back, second, back_too, third = asyncio.run(_offers(topics.port, publisher.topic_name))
+    assert (first, second) == (back, back_too)
+    assert len({first, second, third}) == 3
 
 
 def test_without_the_package_it_says_what_to_install(monkeypatch, capsys):
