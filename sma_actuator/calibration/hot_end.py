@@ -62,8 +62,8 @@ def _contracted(experiments: Sequence[Experiment], config: Config) -> dict:
 
     Not while it is heated: the balance leaves latent heat out, so right after the transformation it is hot by what
     that took, and forgets it in a few time constants.  A quick wire cools in too few readings, and is
-    heated: of that count those since it has forgotten.  What stands tells where it ends, and not how its resistance
-    rises.
+    heated: of that count those since it has forgotten, or the last of a pulse, where it stands.  What stands tells
+    where it ends, and not how its resistance rises.
     """
     still_m = STILL_SHARE * config.wire.full_stroke_m
     forgets_s = FORGETS * config.thermal.balance.time_constant_s
@@ -84,9 +84,12 @@ def _contracted(experiments: Sequence[Experiment], config: Config) -> dict:
                 rows.append(still[: max(int(np.argmin(still[:, 1])), FEWEST - 1)])  # then another phase comes
                 continue
             hot = slice(off - _how_many(heated[:off][::-1]), off)
-            still = values[hot][good[hot] & (time_s[hot] > time_s[hot.start] + forgets_s)]
-            if len(still) >= FEWEST:
-                rows.append(still)
+            still = values[hot][good[hot]]
+            since = _how_many((time_s[hot] <= time_s[hot.start] + forgets_s)[good[hot]])
+            if len(still) - since >= FEWEST:
+                rows.append(still[since:])
+            elif len(still) >= FEWEST and np.ptp(still[-FEWEST:, 3]) < SPANS_K:
+                rows.append(still[-FEWEST:])
     if not rows:
         return {}
     tell = [r for r in rows if np.ptp(r[:, 3]) >= SPANS_K]

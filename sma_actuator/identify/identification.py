@@ -37,6 +37,8 @@ from .verdict.unseen import unseen_of
 WHOLE_RANGE = "whole_range"
 #: Model of the thesis for each alloy.
 THESIS_MODEL = {"ni-ti": "flexinol", "ni-ti-cu": "furukawa"}
+#: Share of its length that a wire expands at the most with its heat, where it does not transform: 11e-6 /K over 180 K.
+EXPANDS = 0.002
 _COMPARED = ("thermal.heat_loss", "estimator.thermal_time_constant")
 _FAR = 1.6  #: factor by which a parameter that is given may be off what was measured without a word
 
@@ -175,7 +177,7 @@ def _ready(
     everything = (
         as_one_wire(logs, with_derived(mapping)) if fitter.any_size else make_experiments(logs, bench, fitter.remembers)
     )
-    _refuse_contraction(everything)
+    _refuse_contraction(everything, bench.wire.strain_length_m)
     everything = without_misjudged(everything, notes.append)
     reasons: dict[str, str] = {}
     at_odds: list[str] = []
@@ -227,10 +229,15 @@ def foreign_loads_N(experiments: Sequence[Experiment], config: Config) -> tuple[
     return low_Pa * config.wire.area_m2, high_Pa * config.wire.area_m2
 
 
-def _refuse_contraction(experiments: Sequence[Experiment]) -> None:
+def _refuse_contraction(experiments: Sequence[Experiment], length_m: float) -> None:
     """Raise IdentificationError where a displacement counts contraction: the model would ask for heat where it should
-    cool."""
-    turned = [t for t in experiments if counts_contraction(t.resistance_Ohm, t.signals.current_A, t.displacement_m)]
+    cool.  A log in which a wire was held back from contracting says nothing of that: it expands with its heat."""
+    turned = [
+        t
+        for t in experiments
+        if counts_contraction(t.resistance_Ohm, t.signals.current_A, t.displacement_m)
+        and np.ptp(t.displacement_m[np.isfinite(t.displacement_m)]) > EXPANDS * length_m
+    ]
     if not turned:
         return
     raw = "displacement_m" not in turned[0].log

@@ -136,12 +136,14 @@ def test_a_wire_that_cools_in_few_readings_is_seen_contracted_while_it_is_ramped
     assert ramped_Ohm - cooling_Ohm == pytest.approx(ramped.contracted_slope * warmer_K, abs=0.01)
 
 
-def test_one_that_is_held_there_shows_where_it_ends_and_not_how_its_resistance_rises(identified):
+@pytest.mark.parametrize("heat_s", [60.0, 7.0], ids=["long", "shorter than its balance forgets latent heat in"])
+def test_one_that_is_held_there_shows_where_it_ends_and_not_how_its_resistance_rises(identified, heat_s):
     """A wire of 76 µm in still air: four readings of its cooling, and at the end of a pulse it stands within 2 K."""
     config = Config.from_mapping(identified[1].mapping)
+    assert (heat_s < hot_end.FORGETS * config.thermal.balance.time_constant_s) == (heat_s == 7.0)
     _, rig, _ = virtual_rig("flexinol", seed=3, load=Weight(0.98))
     with rig.opened():
-        log = rig.record(square_pulses(2, 0.38, 0.05, 60.0, 12.0))
+        log = rig.record(square_pulses(2, 0.38, 0.05, heat_s, 12.0))
     slow = dataclasses.replace(log, columns={name: column[::6] for name, column in log.columns.items()})
     seen = ([dataclasses.replace(t, kind=FULL) for t in make_experiments([each], config)] for each in (log, slow))
     cooling, held = (hot_end.learn(each, config) for each in seen)

@@ -5,14 +5,18 @@ import copy
 
 import numpy as np
 import pytest
+from characterised import virtual_rig
 
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.share import shared_file
+from sma_actuator.characterise.programs import square_pulses
 from sma_actuator.cli.main import main
 from sma_actuator.config import Config, read_parameter_file
+from sma_actuator.estimation.lag import lagged
 from sma_actuator.identify import IdentificationError, identify
 from sma_actuator.logs.bench_log import BenchLog, signals_from_log, write_bench_log
 from sma_actuator.logs.sense import log_counts_contraction
+from sma_actuator.plant.loads import Weight
 
 TURNED = (
     "heating_slope",
@@ -128,3 +132,16 @@ def test_noise_alone_is_not_told_to_count_contraction(seed):
         name: random.normal(5.0, 0.1, 2000) for name in ("resistance_Ohm", "current_A", "displacement_m", "load_N")
     }
     assert not log_counts_contraction(BenchLog({"time_s": np.arange(2000) * 0.05, **columns}))
+
+
+def test_a_wire_that_was_held_back_from_contracting_expands_and_says_nothing(furukawa):
+    """By a guard that knows no such wire, or by a weight that needs more heat than was given."""
+    config = Config.load(shared_file("config/furukawa.yaml"))
+    _, rig, _ = virtual_rig("furukawa", seed=3, load=Weight(2.5))
+    with rig.opened():
+        columns = in_physical_units(rig.record(square_pulses(3, 0.20, 0.05, 6.0, 6.0)), config).columns
+    rise_K = 2e3 * lagged(np.arange(len(columns["time_s"])), columns["current_A"] ** 2, 30.0)
+    expands_m = np.max(columns["displacement_m"]) + 11e-6 * rise_K * config.wire.length
+    held_back = BenchLog({**columns, "displacement_m": expands_m})
+    assert log_counts_contraction(held_back)  # for all that it shows
+    assert identify([*furukawa.only("pulses", "partial"), held_back], furukawa.mapping, "furukawa").mapping["model"]
