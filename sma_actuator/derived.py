@@ -101,7 +101,8 @@ def derived(mapping: Mapping[str, Any]) -> dict[str, Derived]:
     )
     readings = _settle_rate(capacity / loss, given, settle)
     most_A = given("supply.max_current", out["supply.max_current"].value)
-    _settle_gains(wire, most_A, lag_s, readings, _steady_A_m(wire, mapping, given), settle)
+    steady_A_m = _steady_A_m(wire, mapping, given, capacity, loss, readings * loss / capacity)
+    _settle_gains(wire, most_A, lag_s, readings, steady_A_m, settle)
     _settle_bounds(wire, settle)
     return out
 
@@ -228,7 +229,9 @@ def _settle_gains(wire: Wire, most_A: float, lag_s: float, readings: float, stea
     )
 
 
-def _steady_A_m(wire: Wire, mapping: Mapping[str, Any], given: Any) -> float:
+def _steady_A_m(
+    wire: Wire, mapping: Mapping[str, Any], given: Any, capacity_J_K: float, loss_W_K: float, rate_Hz: float
+) -> float:
     """The largest proportional gain [A/m] with which a calibrated wire comes to rest; ∞ where nothing is known of its
     transformation.
 
@@ -243,14 +246,13 @@ def _steady_A_m(wire: Wire, mapping: Mapping[str, Any], given: Any) -> float:
     power = calibration.power
     heating_C, cooling_C = power.transformation_heating, power.transformation_cooling
     stretch_K = min(max(curve_C) - min(curve_C) for curve_C in (heating_C, cooling_C))
-    loss_W_K, capacity_J_K = given("thermal.heat_loss"), given("thermal.heat_capacity")
     stroke_J = capacity_J_K * (power.latent_rise + stretch_K)
     (_, short_m), (_, long_m) = calibration.ends
     stroke_m = sum(long_m) / len(long_m) - sum(short_m) / len(short_m)
     hot_Ohm = wire.resistance_Ohm(HOT_RESISTIVITY_Ohm_m)
     hottest_C = max(heating_C) + power.transformation_shift[1] * wire.max_stress
     held_A = holding_A(hottest_C - given("thermal.ambient_temperature", _AMBIENT_C), hot_Ohm, loss_W_K)
-    crossover_1_s = _ANSWERED_rad * given("loop.rate", Loop().rate) / OWN_PERIODS
+    crossover_1_s = _ANSWERED_rad * rate_Hz / OWN_PERIODS
     return crossover_1_s * stroke_J / (stroke_m * 2.0 * held_A * hot_Ohm)
 
 

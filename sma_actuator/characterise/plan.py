@@ -19,10 +19,10 @@ from .programs import FROM_COLD, every_ordered_pair
 from .rig import attended
 
 GRAVITY_m_s2 = 9.80665
-#: Weights: so many, at equal ratios.  The heaviest is just below that with which a wire is held where it is: with one
-#: that is heavier than all of a calibration, by more than a twentieth of their range, a driven wire is switched off.
+#: Weights: so many, at equal ratios.  The heaviest is just below that with which a wire is held where it is, and no
+#: further than a twentieth of their range: with one that is heavier than that a driven wire is switched off.
 #: The lightest is the thesis's, or a tenth of the heaviest.
-LOADS, HEAVIEST, LIGHTEST_Pa, LIGHTEST = 7, 0.95, 15e6, 0.1
+LOADS, HEAVIEST, LIGHTEST_Pa, LIGHTEST = 7, 0.96, 15e6, 0.1
 #: Masses that a load cell is calibrated with: the thesis's eight (appendix A), and smaller ones for finer wires; the
 #: largest over the smallest of them is what it was there; a line wants three points to show that it is one.
 MASSES_kg = (0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)
@@ -41,9 +41,9 @@ UNGUARDED = 0.9  #: of the rise that the heat limit aims at, for its headroom an
 #: Of training, for the progress bar: a wire that is trained needs eleven, a new one a hundred.
 TYPICAL_CYCLES = 40
 
-#: The second round: in the middle between which of the first's weights and the next its own lie; a spring as stiff as
-#: makes much of the stroke a rise of stress; and between which shares of the stroke, from contracted to cold, positions
-#: lie.
+#: The second round: in the middle between which of the first's weights and the next its own lie, beside the heaviest
+#: of them: what a loop does there follows from no lighter one; a spring as stiff as makes much of the stroke a rise of
+#: stress; and between which shares of the stroke, from contracted to cold, positions lie.
 FOLLOWED_AFTER, SPRING_Pa_m = [0, 2, 4, 5], 11e9
 OUTERMOST = (0.05, 0.95)
 #: How long a position is held and a period lasts, in heat_capacity / heat_loss: a position no shorter than so many
@@ -242,7 +242,8 @@ def _second_round(config, options: PlanOptions) -> list[Part]:
     stiffness_N_m = SPRING_Pa_m * (config.wire.length / config.wire.strain_length_m) * area_m2
     stiffness_N_m = round(stiffness_N_m, max(1, _decimals(stiffness_N_m)))
     stresses_Pa = _stresses_Pa(config)
-    followed_N = _loads_N(np.sqrt(stresses_Pa[:-1] * stresses_Pa[1:])[FOLLOWED_AFTER], config)
+    between_Pa = np.sqrt(stresses_Pa[:-1] * stresses_Pa[1:])[FOLLOWED_AFTER]
+    followed_N = _loads_N(np.append(between_Pa, stresses_Pa[-1]), config)
     loads_N, springs = options.loads_N or followed_N, options.springs_N_m or ((stiffness_N_m, followed_N[0]),)
     parts = [
         Part(

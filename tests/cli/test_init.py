@@ -321,6 +321,12 @@ def test_a_wire_that_transforms_within_few_kelvins_gets_the_gain_with_which_it_c
         assert found["controller.kp"].value < usual.value and "few kelvins" in found["controller.kp"].why
         assert found["controller.ki"].value < derived(mapping | {"calibration": {}})["controller.ki"].value
         assert _phase_left_deg(mapping, found["controller.kp"].value) == pytest.approx(30.0, abs=2.0)
+        # Also where the heat balance follows from the geometry, as in an `identify` that could not measure it.
+        by_geometry = mapping | {"thermal": {"ambient_temperature": 24.0}}
+        told = {name.partition(".")[2]: each.value for name, each in derived(by_geometry).items() if "thermal." in name}
+        both = (by_geometry, mapping | {"thermal": told | by_geometry["thermal"]})
+        assert len({derived(each)["controller.kp"] for each in both}) == 1
+        assert "few kelvins" in derived(by_geometry)["controller.kp"].why
 
 
 def _phase_left_deg(mapping, kp_A_m):

@@ -677,16 +677,16 @@ def test_fine_wires_get_weights_and_loads_that_they_can_carry_and_that_differ(di
     assert 0.35 * strongest_N < max(forces_N) < strongest_N or forces_N[-1] == pytest.approx(2.94, abs=0.01)
     loads_N = {part.name: part.parameters["load_N"] for part in plan if part.kind == "pulses"}
     stresses_MPa = [load_N / bench.wire.area_m2 * 1e-6 for load_N in loads_N.values()]
-    np.testing.assert_allclose(stresses_MPa, [15, 22, 32.2, 47.3, 69.5, 102, 149.6], rtol=0.01)
+    np.testing.assert_allclose(stresses_MPa, [15, 22, 32.4, 47.6, 70, 103, 151.2], rtol=0.005)
 
 
-@pytest.mark.parametrize("most_Pa, lightest_Pa", [(60e6, 5.13e6), (175e6, 15e6), (300e6, 15e6)])
+@pytest.mark.parametrize("most_Pa, lightest_Pa", [(60e6, 5.18e6), (175e6, 15e6), (300e6, 15e6)])
 def test_a_wire_is_measured_and_followed_up_to_what_it_may_be_driven_with(most_Pa, lightest_Pa):
-    """Within a twentieth of the range of the loads, that is; beyond it an estimate is outside its calibration."""
+    """Within a twentieth of the range of the loads: beyond that an estimate is outside its calibration."""
     mapping = bench_mapping("flexinol")
     mapping["wire"]["max_stress"] = most_Pa
     bench = bench_from_mapping(mapping)
-    stresses_Pa, between_Pa = (
+    stresses_Pa, followed_Pa = (
         [p.parameters["load_N"] / bench.wire.area_m2 for p in plan if p.kind == kind and "load_N" in p.parameters]
         for plan, kind in (
             (make_plan(bench, PlanOptions()), "pulses"),
@@ -695,8 +695,9 @@ def test_a_wire_is_measured_and_followed_up_to_what_it_may_be_driven_with(most_P
     )
     driven_Pa = bench.safety.stress_limit_fraction * most_Pa
     assert stresses_Pa[0] == pytest.approx(lightest_Pa, rel=0.01) and stresses_Pa[-1] < driven_Pa
-    assert stresses_inside_Pa((stresses_Pa[0], stresses_Pa[-1]))[1] > 0.99 * driven_Pa
-    assert np.searchsorted(stresses_Pa, between_Pa).tolist() == [1, 3, 5, 6]
+    assert stresses_inside_Pa((stresses_Pa[0], stresses_Pa[-1]))[1] >= driven_Pa
+    *between_Pa, heaviest_Pa = followed_Pa
+    assert np.searchsorted(stresses_Pa, between_Pa).tolist() == [1, 3, 5, 6] and heaviest_Pa == stresses_Pa[-1]
 
 
 def test_too_few_masses_for_a_load_cell_are_refused_before_anything_is_measured():

@@ -136,7 +136,7 @@ def test_no_two_of_its_logs_hold_the_same_positions_in_the_same_order():
     bench = bench_from_mapping(read_parameter_file(shared_file("config/flexinol_bench.yaml")))
     plan = make_plan(bench, PlanOptions(follow="model.yaml"))
     shares = [part.parameters["shares"] for part in plan]
-    assert len({tuple(np.argsort(each)) for each in shares}) == len(plan) == 5
+    assert len({tuple(np.argsort(each)) for each in shares}) == len(plan) == 6
     for each in shares:
         gaps = np.diff(np.sort([0.05, *each, 0.95]))
         assert np.all(gaps >= 0.0) and np.all(gaps < 0.16), "over all of the stroke"
