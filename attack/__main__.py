@@ -1,7 +1,8 @@
 """``python -m attack``: run attacks, print what they broke, and write their figures to docs/attack.md.
 
-Without a name of an attack all of them are run, side by side, in pieces that are kept with their commit, and the page
-of all that is kept is written; with one, it alone, and kept only ``--into`` a file.
+Without a name of an attack all of them are run, side by side, in pieces that are kept with their commit in
+attack/kept.json; with one, it alone, and kept only ``--into`` a file.  The page is of attack/kept.json, and is written
+whenever something is kept there, and by ``--show``; what is kept elsewhere does not touch it.
 """
 
 from __future__ import annotations
@@ -64,16 +65,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 kept = add_to(into, name, part, unit[0] + (unit[1] if name == "hours" else 1))
                 results = kept.results()
                 # after every part: an attack that is interrupted has its page
-                PAGE.write_text(page(kept), encoding="utf-8")
+                _write_page(into, kept)
     whole = Result()
     for name, result in results.items():
         print(f"{TITLES[name]}: {dict(result.counts)}\n  worst: {result.worst}\n{result.verdict()}", flush=True)
         whole.add(result)
     if into is not None:
+        _write_page(into, kept)
         for title, commit, on, done, why_older in table_of_pieces(kept, TITLES):
             print(f"{title}: {done}; at {commit} on {on}{why_older and f', {why_older}'}")
-        print(f"kept: {into}; written: {PAGE}" if not options.show else f"kept: {into}")
+        print(f"kept: {into}; written: {PAGE}" if into.resolve() == KEPT else f"kept: {into}")
     return 1 if whole.violations else 0
+
+
+def _write_page(into: Path, kept: Kept) -> None:
+    """The page tells of all that is kept in the repository, and of nothing else."""
+    if into.resolve() == KEPT:
+        PAGE.write_text(page(kept), encoding="utf-8")
 
 
 def _units(name: str, options: argparse.Namespace, next_seed: int) -> list[tuple]:
@@ -192,7 +200,10 @@ def page(kept: Kept) -> str:
     for name, result in results.items():
         if result.violations:
             lines += ["", f"{TITLES[name]}:", ""]
-            lines += [_entry(line) for line in result.verdict().splitlines() if " × " in line]
+            for commit, piece in kept.pieces[name].items():
+                lines += [
+                    _entry(f"{line} at {commit}") for line in piece.result.verdict().splitlines() if " × " in line
+                ]
     lines += ["", "## Worst seen", *WORST.splitlines(), "", "| attack | what | worst |", "|---|---|---|"]
     for name, result in results.items():
         if name != "heat":  # it has a table of its own
@@ -249,10 +260,10 @@ def _options() -> argparse.ArgumentParser:
         "--into",
         type=Path,
         metavar="FILE",
-        help=f"keep it here, and write the page of all that is kept (all: {KEPT.name})",
+        help=f"keep it here (all: {KEPT.name}, of which {PAGE.name} is written)",
     )
     parser.add_argument(
-        "--show", action="store_true", help="attack nothing; say what is kept, and what is older than the code"
+        "--show", action="store_true", help="attack nothing; say what is kept, and what is older; write its page anew"
     )
     return parser
 

@@ -91,6 +91,7 @@ def test_a_run_begins_after_what_is_kept_prints_what_was_tried_where_and_shows_i
 
     monkeypatch.setattr(attack, "_run", run)
     monkeypatch.setattr(attack, "PAGE", tmp_path / "attack.md")
+    monkeypatch.setattr(attack, "KEPT", tmp_path / "kept.json")
     words = ["kills", "--count", "30", "--into", str(tmp_path / "kept.json")]
     assert attack.main(words) == attack.main(words) == 0
     assert tried == [(0, 20), (1, 10), (2, 20), (3, 10)]
@@ -100,6 +101,19 @@ def test_a_run_begins_after_what_is_kept_prints_what_was_tried_where_and_shows_i
     assert attack.main(["--show", "--into", str(tmp_path / "kept.json")]) == 0
     assert "kills: 60 kills; at" in capsys.readouterr().out
     assert len(tried) == 4
+    written = (tmp_path / "attack.md").read_text()
+    assert attack.main(["kills", "--count", "7", "--into", str(tmp_path / "elsewhere.json")]) == 0
+    assert "written" not in capsys.readouterr().out
+    assert (tmp_path / "attack.md").read_text() == written, "what is kept elsewhere is not what the page tells of"
+
+
+def test_the_page_tells_of_all_that_is_kept():
+    """But for what is older than the code: that changes with every commit, and is as of when the page was written."""
+
+    def lasting(text):
+        return [line.rpartition(" | ")[0] if line.count("|") == 6 else line for line in text.splitlines()]
+
+    assert lasting(attack.PAGE.read_text()) == lasting(attack.page(Kept.read(attack.KEPT)))
 
 
 def test_what_keeps_the_cores_busy_is_there_while_it_attacks_and_ends_with_it(monkeypatch):
@@ -113,3 +127,12 @@ def test_what_keeps_the_cores_busy_is_there_while_it_attacks_and_ends_with_it(mo
     monkeypatch.setattr(attack, "_run", run)
     assert attack.main(["kills", "--beside", "2"]) == 0
     assert len(meanwhile[0]) == 2 and not meanwhile[0] & set(children.read_text().split())
+
+
+def test_a_promise_that_broke_stands_with_the_commit_that_broke_it():
+    kept = Kept()
+    broken = Result(Counter(kills=1), {}, [Violation("late", "by a second", "python -m attack kills --seed 1")])
+    kept.add("kills", broken, 1, "0123456789", "2026-01-01")
+    kept.add("kills", Result(Counter(kills=1)), 2, "abcdef0123", "2026-01-02")
+    entries = [line for line in attack.page(kept).splitlines() if line.startswith("- ")]
+    assert entries == ["- 1 × late: by a second [python -m attack kills --seed 1] at 0123456789"]
