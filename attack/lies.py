@@ -40,9 +40,9 @@ class Lie:
     value: float
     wrong_at_most: float = math.inf  #: the position, in full strokes, beyond what it was wrong by before
     within_s: float = math.inf
-    moved: bool = (
-        False  #: only where the wire is moved, beside a displacement sensor, can it be told from what is honest
-    )
+    #: Only where the wire is moved can it be told from what is honest: beside a displacement sensor; or, of a load cell
+    #: on a spring that is driven from the start, by a load that does not follow.
+    moved: bool = False
 
 
 LIES = {
@@ -51,7 +51,9 @@ LIES = {
     "a sense resistor that rises by 0.04 % a second": Lie("sense_drift", 1.004, 0.25),
     "a voltage channel that rises by 0.4 % a second": Lie("voltage_drift", 1.04, 0.5),
     "a voltage channel that falls by 0.4 % a second": Lie("voltage_drift", 0.96, 0.5),
-    "a load cell that stands but for its converter's dither": Lie("channel_dithers", 103.0, within_s=2.0 * PERIOD_s),
+    "a load cell that stands but for its converter's dither": Lie(
+        "channel_dithers", 103.0, within_s=2.0 * PERIOD_s, moved=True
+    ),
     "load and displacement channel swapped": Lie("channel_swapped", 103.0, within_s=1.5 * PERIOD_s, moved=True),
     "a load that sinks by a tenth a second": Lie("channel_sinks", 103.0, within_s=3.0 * PERIOD_s, moved=True),
     "a displacement sensor that freezes": Lie("channel_stuck", 104.0, within_s=PERIOD_s, moved=True),

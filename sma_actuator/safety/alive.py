@@ -20,7 +20,6 @@ WINDOW = 100  #: readings over which a channel is called quiet
 #: Times its noise by which a channel may move over a window that shows how noisy it is: a load that is held on a spring
 #: creeps.  Motion that is no quicker adds a hundredth to second differences.
 CREEPS = 5.0
-AS_QUIET = 1.5  #: windows whose noise differs by less than this factor are as quiet
 WINDOWS = 2  #: of a channel that stood, before the latest, which may hold the beginning of the end
 SWING = 0.3  #: share of the full stroke that is a motion
 ALIKE = 2.0  #: motions are alike whose stiffness differs by less than this factor
@@ -54,9 +53,9 @@ class Repeats:
 
 
 #: What is remembered of a channel's noise beside its last values and their second differences: how many there are,
-#: how many since the last window that counted, the level of that, the least of those before it, how many those are; how
-#: restless the current was in the latest, and at the least in one as quiet as the least.
-_SEEN, _FRESH, _LATEST, _LEAST, _BEFORE, _LATEST_A, _LEAST_A = range(7)
+#: how many since the last window that counted, the level of that, the least of those before it, how many those are; and
+#: how many running came while nothing moved what it measures.
+_SEEN, _FRESH, _LATEST, _LEAST, _BEFORE, _RESTED = range(6)
 _QUARTER = WINDOW // 4
 
 
@@ -80,50 +79,46 @@ def _push(values: Floats, newest: float) -> None:
 
 
 @jit
-def _noise(recent: Floats, steps: Floats, state: Floats, value: float, restless_A: float) -> float:
+def _noise(recent: Floats, steps: Floats, state: Floats, value: float, rests: bool) -> float:
     """See :meth:`Liveliness.step`; ``recent`` and ``steps`` end with the newest."""
     if state[_SEEN] >= 2.0:
         _push(steps, abs(value - 2.0 * recent[-1] + recent[-2]))
     _push(recent, value)
     state[_SEEN] += 1.0
     state[_FRESH] += 1.0
+    state[_RESTED] = state[_RESTED] + 1.0 if rests else 0.0
     if state[_SEEN] < WINDOW:
         return nan
     level = sum(steps) / (WINDOW - 2)
     share = level / state[_LEAST] if state[_BEFORE] >= WINDOWS else nan
-    if restless_A < state[_LEAST_A]:
-        share *= state[_LEAST_A] / max(restless_A, 1e-3 * state[_LEAST_A])
-    if state[_FRESH] >= WINDOW and level > 0.0 and _range_of_quarters(recent) <= CREEPS * level:
+    own = min(state[_FRESH], state[_RESTED]) >= WINDOW and level > 0.0
+    if own and _range_of_quarters(recent) <= CREEPS * level:
         state[_FRESH] = 0.0
         if isfinite(state[_LATEST]):
-            if state[_LATEST] < state[_LEAST] / AS_QUIET:
-                state[_LEAST_A] = state[_LATEST_A]
-            elif state[_LATEST] < AS_QUIET * state[_LEAST]:
-                state[_LEAST_A] = min(state[_LEAST_A], state[_LATEST_A])
             state[_LEAST] = min(state[_LEAST], state[_LATEST])
             state[_BEFORE] += 1.0
-        state[_LATEST], state[_LATEST_A] = level, restless_A
+        state[_LATEST] = level
     return share
 
 
 class Liveliness:
-    """How noisy a channel is, against the least that it has been while it stood."""
+    """How noisy a channel is, against the least that it has been by itself: while nothing moved what it measures."""
 
     __slots__ = ("_recent", "_state", "_steps")
 
     def __init__(self) -> None:
         self._recent = floats(WINDOW)
         self._steps = floats(WINDOW - 2)  #: second differences: what is left of a steady motion is noise
-        self._state = floats(7)
+        self._state = floats(6)
         self._state[_LATEST], self._state[_LEAST] = nan, inf
 
-    def step(self, value: float, restless_A: float = 0.0) -> float:
-        """Share of the least noise that the last readings have; NaN until both are known.
+    def step(self, value: float, rests: bool = True) -> float:
+        """Share of the least noise that the last readings have; NaN until both are known.  ``rests``: nothing has moved
+        what it measures since the reading before."""
+        return _noise(self._recent, self._steps, self._state, value, rests)
 
-        On a spring a load moves with every step of the current: as many times as that is less restless now than it was
-        in the least noise (``restless_A``, mean over as many readings), as many times less may be left of it.
-        """
-        return _noise(self._recent, self._steps, self._state, value, restless_A)
+
+_NOWHERE = (inf, -inf, inf, -inf)
 
 
 @dataclass(slots=True)
@@ -140,6 +135,9 @@ class Following:
     #: Motions running that the load has not followed: way, change of load expected, and seen.
     _stood: list[tuple[float, float, float]] = field(default_factory=list)
     _lately: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=LATELY))  #: places and loads
+    #: Between which places and loads it has been since it was another load.
+    _within: tuple[float, float, float, float] = _NOWHERE
+    carries: bool = False  #: the wire has moved, and the load has not changed: it is a weight
     changed: bool = False  #: with the last reading: it does not do what it did
 
     def step(self, place_m: float, load_N: float, swing_m: float, noise_N: float) -> str:
@@ -150,9 +148,20 @@ class Following:
             return ""
         self._lately.append((place_m, load_N))
         if self._is_another(swing_m, noise_N):
-            self.changed, self._stiffness, self._stood = True, [], []
+            self.changed, self._stiffness, self._stood, self._within = True, [], [], _NOWHERE
             self._lately.clear()
             self.pause()
+        low_m, high_m, low_N, high_N = self._within
+        low_m, high_m, low_N, high_N = (
+            min(low_m, place_m),
+            max(high_m, place_m),
+            min(low_N, load_N),
+            max(high_N, load_N),
+        )
+        self._within, self.carries = (
+            (low_m, high_m, low_N, high_N),
+            high_m - low_m >= swing_m and high_N - low_N <= noise_N,
+        )
         if not isfinite(self._from[0]):
             self._from = self._to = (place_m, load_N)
         way_m = self._to[0] - self._from[0]
@@ -212,18 +221,17 @@ class LoadAlive:
     repeats: Repeats = field(default_factory=Repeats)
     noise: Liveliness = field(default_factory=Liveliness)
     following: Following = field(default_factory=Following)
-    _before_A: float = nan
-    _restless_A: float = 0.0
+    _told_A: float = nan
     _is_suspect: bool = False
     _contradicted: bool = False  #: with the reading before
 
-    def quiet(self, value_V: float, current_A: float) -> float:
-        """Share of the least noise that the channel has had which it has lately; NaN until both are known."""
-        stepped_A = abs(current_A - self._before_A)
-        self._before_A = current_A
-        if isfinite(stepped_A):
-            self._restless_A += (stepped_A - self._restless_A) / WINDOW
-        return self.noise.step(value_V, self._restless_A)
+    def quiet(self, value_V: float, told_A: float) -> float:
+        """Share of the least noise of its own that the channel has lately; NaN until both are known.
+
+        A load moves with every step of the current that the supply is told, but for that of a weight.
+        """
+        stays, self._told_A = told_A == self._told_A, told_A
+        return self.noise.step(value_V, stays or self.following.carries)
 
     def is_suspect(self, contradicted: bool) -> bool:
         """Whether the load has changed by itself, what it does is not known anew, and the displacement sensor did not

@@ -147,28 +147,42 @@ def follow(following, places_m, loads_N):
 
 
 class TestNoiseOfALoadThatMovesWithTheCurrent:
-    """Held restlessly, then at rest: what is left is the load cell's own noise."""
+    """Held restlessly on a spring; what the channel has by itself is seen while the command stands."""
 
-    def shares(self, rattle, left=1.0, rests=True):
-        """Shares of a part in which the current rests, or goes on as restlessly, and ``left`` of the noise is there."""
+    def driven(self, *parts):
+        """Shares in parts of so many readings, with so much noise of its own and five times that while it is held."""
         alive, rng = LoadAlive(), np.random.default_rng(1)
-        for _ in range(600):
-            alive.quiet(rattle * rng.normal() + rng.normal(), 0.2 + 0.01 * rng.normal())
-        restless_A = 0.001 if rests else 0.01
-        parts = [(1.0, 600), (left, 300)]
         return [
-            [alive.quiet(noise * rng.normal(), 0.2 + restless_A * rng.normal()) for _ in range(number)]
-            for noise, number in parts
+            [
+                alive.quiet(
+                    noise * rng.normal() + (5.0 * rng.normal() if held else 0.0), 0.2 + 0.01 * held * rng.random()
+                )
+                for _ in range(number)
+            ]
+            for number, noise, held in parts
         ]
 
-    def test_a_wire_that_comes_to_rest_on_its_spring_is_no_dead_load_cell(self):
-        assert not any(share < 0.5 for part in self.shares(rattle=2.0) for share in part)
+    @pytest.mark.parametrize("before", [0, 600], ids=["enabled at once", "after a while"])
+    def test_a_wire_that_comes_to_rest_is_no_dead_load_cell(self, before):
+        parts = self.driven((before, 1.0, False), (1000, 1.0, True), (1000, 1.0, False), (1000, 1.0, True))
+        assert not any(share < 0.5 for part in parts for share in part)
 
-    @pytest.mark.parametrize("rests", [True, False])
-    def test_one_that_dies_is(self, rests):
-        well, dead = self.shares(rattle=0.0, left=0.3, rests=rests)
-        assert not any(share < 0.5 for share in well)
-        assert any(share < 0.5 for share in dead)
+    @pytest.mark.parametrize("held", [True, False], ids=["held", "at rest"])
+    def test_one_that_dies_is(self, held):
+        alive, rng = LoadAlive(), np.random.default_rng(1)
+        rest = [alive.quiet(rng.normal(), 0.05) for _ in range(600)]
+        dead = [alive.quiet(0.3 * rng.normal(), 0.2 + 0.01 * held * rng.random()) for _ in range(WINDOW + 10)]
+        assert not any(share < 0.5 for share in rest) and any(share < 0.5 for share in dead)
+
+    def test_a_weight_is_moved_by_no_current(self):
+        alive, rng = LoadAlive(), np.random.default_rng(1)
+        for place_m in np.linspace(4e-3, 2.5e-3, 40):  # it contracts, once
+            alive.following.step(place_m, 1.0 + 1e-3 * rng.normal(), 1.2e-3, 0.03)
+            alive.quiet(rng.normal(), rng.random())
+            assert alive.following.carries == (place_m <= 2.8e-3)
+        well = [alive.quiet(rng.normal(), rng.random()) for _ in range(600)]
+        dead = [alive.quiet(0.3 * rng.normal(), rng.random()) for _ in range(WINDOW + 10)]
+        assert not any(share < 0.5 for share in well) and any(share < 0.5 for share in dead)
 
 
 class TestFollowing:

@@ -198,8 +198,8 @@ def readings_repeat(step: Step) -> str:
     remedy="Check the load cell, its cable and amplifier. Where all is well (a source of noise was switched off) "
     "clear the fault, and what is usual is seen anew; safety.least_noise 0 leaves noise out",
     detector="of the load cell's channel, once this run has shown what is usual: values repeat as in "
-    f"readings_repeat; or its noise is less than safety.least_noise of the least so far over {WINDOW} readings "
-    "(times less as the current is less restless); or "
+    f"readings_repeat; or its noise is less than safety.least_noise of the least so far over {WINDOW} readings with "
+    "the same command, or of a weight; or "
     f"two motions running, to and fro, by {100 * SWING:g} % of the full stroke or more with less than "
     f"{100 * FOLLOWS:g} % of the change of load that belonged to such motions so far, as on a spring. Or, where "
     "fitted, the displacement sensor contradicts the position (as in position_contradicted) since the load changed by "
@@ -213,7 +213,7 @@ def load_dead(step: Step) -> str:
     if step.reading is None:
         return ""
     config, alive, value_V = step.config, step.memory.load_alive, step.reading.load_cell_voltage_V
-    noise = alive.quiet(value_V, step.signals.current_A)
+    noise = alive.quiet(value_V, step.told.current_A)
     why = ""
     if alive.repeats.step(value_V):
         why = f"{value_V:g} V again and again, to the last digit"
