@@ -16,6 +16,7 @@ from sma_actuator.estimation.circuit import resistance_and_current
 from sma_actuator.estimation.models import ThermalStrainModel
 from sma_actuator.logs.bench_log import BenchLog, signals_from_log
 from sma_actuator.logs.kinds import FOLLOWED, FULL, LEVELS, MANY, PARTIAL
+from sma_actuator.logs.sense import EXPANDS
 
 from . import programs
 from .calibration import Line, fit_line
@@ -29,6 +30,7 @@ from .training import Ends
 Progress = Callable[[float], None]
 #: What a load cell that is not calibrated yet may seem to show; no more than the bias flows meanwhile.
 UNCALIBRATED = ("reading_implausible", "stress_above_limit")
+HELD_BACK = 0.98  #: share of the current that was asked for, below which a limit holds a wire back
 PATIENCE = 4.0  #: a pulse and the pause after it are at most so many times as long, while the wire still moves
 
 
@@ -113,6 +115,7 @@ def training(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchL
         p["heat_s"],
         p["cool_s"],
         p["most_current_A"],
+        EXPANDS * rig.config.wire.strain_length_m,
     )
     log = _record(rig, part, program, progress)
     results: dict[str, Any] = {"hot_m": ends.hot_m, "cold_m": ends.cold_m}
@@ -141,12 +144,27 @@ def pulses(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLog
         p.get("most_current_A", 0.0),
         patience * p["heat_s"],
         p.get("ramp_s", 0.0),
+        EXPANDS * rig.config.wire.strain_length_m,
     )
     log = _record(rig, part, program, progress)
     log = dataclasses.replace(
         log, metadata={**log.metadata, "heat_current_A": _heat_current_A(log, p["heat_current_A"])}
     )
-    return Outcome({part.name: log}, {"stroke_m": _stroke_m(log, rig.config)})
+    return Outcome({part.name: log}, {"stroke_m": _stroke_m(log, rig.config)}, words=_held_back(part.name, log))
+
+
+def _held_back(name: str, log: BenchLog) -> str:
+    """That the heat limit let less current flow to the end of the last pulse than was asked for, in words, or ""."""
+    current_A, asked_A = log["current_command_A"], log.metadata["heat_current_A"]
+    flowed_A = float(current_A[np.flatnonzero(current_A > 0.5 * np.max(current_A))[-1]])
+    if flowed_A >= HELD_BACK * asked_A:
+        return ""
+    return (
+        f"{name}: the heat limit let {flowed_A:.3g} of {asked_A:.3g} A flow at the end of the last pulse; where the "
+        "wire contracted less than under lighter loads it was not hot enough, and what is identified ends there. It "
+        "is kept below thermal.max_temperature with half of thermal.heat_loss: a larger one, where that is known, lets "
+        "it be hotter"
+    )
 
 
 def _heat_current_A(log: BenchLog, planned_A: float) -> float:

@@ -87,9 +87,12 @@ def warmed(from_A: float, to_A: float, ramp_s: float) -> Generator[Drive, Signal
     return before_m
 
 
-def contracted(current_A: float, heat_s: float, most_A: float, cold_m: float = nan) -> Generator[Drive, Signals, float]:
-    """``heat_s`` at the current, then more of it, up to ``most_A``, while the wire contracts further with more; the
-    last that it did with.  ``cold_m``: as ``from_m`` of :func:`rest`."""
+def contracted(
+    current_A: float, heat_s: float, most_A: float, cold_m: float = nan, expands_m: float = 0.0
+) -> Generator[Drive, Signals, float]:
+    """``heat_s`` at the current, then more of it, up to ``most_A``, while the wire contracts further with more, or has
+    moved by less than ``expands_m``, which a wire does that does not transform yet; the last that it did with.
+    ``cold_m``: as ``from_m`` of :func:`rest`."""
     signals = yield Drive(current_A)
     cold_m = signals.reference_displacement_m if isnan(cold_m) else cold_m
     yield from hold(current_A, heat_s)
@@ -100,7 +103,8 @@ def contracted(current_A: float, heat_s: float, most_A: float, cold_m: float = n
         signals = yield Drive(more_A)
         here_m = signals.reference_displacement_m
         # Where no displacement is measured nothing moves.
-        if not abs(here_m - cold_m) - abs(before_m - cold_m) > STILL_CONTRACTS * abs(here_m - cold_m):
+        further = abs(here_m - cold_m) - abs(before_m - cold_m) > STILL_CONTRACTS * abs(here_m - cold_m)
+        if not (further or abs(here_m - cold_m) < expands_m):
             break
         current_A = more_A
     return current_A
@@ -116,19 +120,20 @@ def square_pulses(
     most_A: float = 0.0,
     longest_heat_s: float = 0.0,
     ramp_s: float = 0.0,
+    expands_m: float = 0.0,
 ) -> Program:
     """Open-loop square pulses: ``heat_s`` at the heating current, ``cool_s`` at the bias current (4.1.1).
 
     While the wire has not come to rest a pause goes on, up to ``longest_cool_s``, and a pulse, up to
     ``longest_heat_s``: a guard may hold its current back.  While it still contracts, the first pulse goes on with more
-    current, up to ``most_A``, which those after it then have.  For ``ramp_s`` a pulse begins with less: a wire that is
-    quicker than the readings would be contracted between two of them.
+    current, up to ``most_A``, which those after it then have (``expands_m``: :func:`contracted`).  For ``ramp_s`` a
+    pulse begins with less: a wire that is quicker than the readings would be contracted between two of them.
     """
     yield from hold(bias_current_A, 1.0)
     for _ in range(cycles):
         cold_m = (yield from warmed(bias_current_A, heat_current_A, ramp_s)) if ramp_s else nan
         if most_A > heat_current_A:
-            heat_current_A = yield from contracted(heat_current_A, heat_s, most_A, cold_m)
+            heat_current_A = yield from contracted(heat_current_A, heat_s, most_A, cold_m, expands_m)
             most_A = 0.0
         else:
             yield from rest(heat_current_A, heat_s, longest_heat_s, cold_m)
@@ -143,6 +148,7 @@ def trained(
     heat_s: float,
     cool_s: float,
     most_A: float,
+    expands_m: float = 0.0,
 ) -> Program:
     """Square pulses until ``stand`` says of the hot and the cold end [m] of a cycle that they do, or so many.
 
@@ -150,7 +156,7 @@ def trained(
     wire was loaded, and not as warm.
     """
     yield from hold(bias_current_A, 1.0)
-    heat_current_A = yield from contracted(heat_current_A, heat_s, most_A)
+    heat_current_A = yield from contracted(heat_current_A, heat_s, most_A, expands_m=expands_m)
     yield from hold(bias_current_A, cool_s)
     for _ in range(cycles - 1):
         hot_m = yield from _end_of(heat_current_A, heat_s)

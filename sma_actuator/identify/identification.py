@@ -21,7 +21,7 @@ from sma_actuator.estimation.models.thesis import wrong_alloy
 from sma_actuator.logs.bench_log import BenchLog, averaged
 from sma_actuator.logs.experiments import Experiment, IdentificationError
 from sma_actuator.logs.kinds import LEFT_OUT, MANY, PARTIAL, make_experiments, usable_logs
-from sma_actuator.logs.sense import counts_contraction
+from sma_actuator.logs.sense import EXPANDS, counts_contraction
 from sma_actuator.logs.static import STATIC
 
 from .fatigue import Fatigue, fit_fatigue
@@ -37,8 +37,6 @@ from .verdict.unseen import unseen_of
 WHOLE_RANGE = "whole_range"
 #: Model of the thesis for each alloy.
 THESIS_MODEL = {"ni-ti": "flexinol", "ni-ti-cu": "furukawa"}
-#: Share of its length that a wire expands at the most with its heat, where it does not transform: 11e-6 /K over 180 K.
-EXPANDS = 0.002
 _COMPARED = ("thermal.heat_loss", "estimator.thermal_time_constant")
 _FAR = 1.6  #: factor by which a parameter that is given may be off what was measured without a word
 

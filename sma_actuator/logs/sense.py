@@ -16,6 +16,8 @@ _FOLLOWS = 0.5
 _DRIVEN = 0.02  #: share of the largest current from which the resistance is measured
 _FEWEST = 20  #: samples
 _ZERO_OFF = 0.02  #: share of the largest load, below zero, that is more than the drifted zero of an unloaded cell
+#: Share of its length that a wire expands at the most with its heat, where it does not transform: 11e-6 /K over 180 K.
+EXPANDS = 0.002
 MOST_STROKE = 0.12  #: of a wire's length, more than any does: Ni-Ti transforms by 8 to 9 % at the most
 
 

@@ -82,6 +82,23 @@ def test_a_wire_that_still_contracts_is_heated_further(done_at_A, found_A):
     assert max(driven) <= 0.4 and pulses[0][:100] == [0.3] * 100
 
 
+@pytest.mark.parametrize(("begins_at_A", "found_A"), [(0.2, 0.3), (0.31, 0.322), (0.33, 0.345), (9.9, 0.4)])
+def test_a_wire_that_does_not_contract_yet_is_heated_further(begins_at_A, found_A):
+    """It expands, as one does under a heavy weight until it is hot enough; each step is 15 % more power."""
+    program = trained(lambda hot_m, cold_m: False, 3, 0.3, 0.05, heat_s=6.0, cool_s=6.0, most_A=0.4, expands_m=2e-4)
+    time_s, driven, heat_A2 = 0.0, [], 0.05**2
+    drive = next(program)
+    with contextlib.suppress(StopIteration):
+        while True:
+            driven.append(drive.current_A)
+            time_s += 0.05
+            heat_A2 += 0.1 * (drive.current_A**2 - heat_A2)
+            at_m = 1e-3 * heat_A2 - 4e-3 * (heat_A2 > begins_at_A**2)
+            drive = program.send(SimpleNamespace(time_s=time_s, reference_displacement_m=at_m))
+    pulses = [[*run] for heated, run in itertools.groupby(driven, lambda current_A: current_A > 0.1) if heated]
+    assert min(pulses[1]) == max(pulses[1]) == pytest.approx(found_A, abs=2e-3)
+
+
 def test_a_pulse_goes_on_until_the_wire_is_at_rest_in_the_heat():
     """A guard may hold back the current of any pulse: 6 % of the way in the last 15 % of 14.7 s, as of a pause."""
     program, time_s, driven = square_pulses(2, 0.3, 0.05, heat_s=5.0, cool_s=5.0, longest_heat_s=20.0), 0.0, []
@@ -94,6 +111,17 @@ def test_a_pulse_goes_on_until_the_wire_is_at_rest_in_the_heat():
             drive = program.send(SimpleNamespace(time_s=time_s, reference_displacement_m=4e-3 * math.exp(-on_s / 8.0)))
     lasted_s = [0.05 * len([*run]) for heated, run in itertools.groupby(driven, lambda a: a > 0.1) if heated]
     assert lasted_s == pytest.approx([14.7, 14.7], abs=0.3)
+
+
+@pytest.mark.parametrize("heat_loss", [1.0, 3.0], ids=["as expected", "three times"])
+def test_a_wire_that_the_heat_limit_holds_back_is_told_of(tmp_path, heat_loss):
+    """One that loses much more heat than its parameters say is never hot enough, for all that a guard can know."""
+    bench, rig, operator = virtual_rig("furukawa", seed=3)
+    bench.inject("draught", heat_loss)
+    said = []
+    plan = [part for part in make_plan(rig.config, PlanOptions(loads_N=(2.5,))) if part.kind == "pulses"]
+    characterise(bench_mapping("furukawa"), plan, rig, operator, tmp_path, say=said.append)
+    assert any("the heat limit let" in words and "thermal.heat_loss" in words for words in said) == (heat_loss > 1.0)
 
 
 @pytest.mark.parametrize("rate_Hz", [2.0, 20.0])
