@@ -246,7 +246,8 @@ def _steady_A_m(
     power = calibration.power
     heating_C, cooling_C = power.transformation_heating, power.transformation_cooling
     stretch_K = min(max(curve_C) - min(curve_C) for curve_C in (heating_C, cooling_C))
-    stroke_J = capacity_J_K * (power.latent_rise + stretch_K)
+    # Less than none is what a heat balance that errs makes of it.
+    stroke_J = capacity_J_K * (max(power.latent_rise, 0.0) + stretch_K)
     (_, short_m), (_, long_m) = calibration.ends
     stroke_m = sum(long_m) / len(long_m) - sum(short_m) / len(short_m)
     hot_Ohm = wire.resistance_Ohm(HOT_RESISTIVITY_Ohm_m)

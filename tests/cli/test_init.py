@@ -321,6 +321,11 @@ def test_a_wire_that_transforms_within_few_kelvins_gets_the_gain_with_which_it_c
         assert found["controller.kp"].value < usual.value and "few kelvins" in found["controller.kp"].why
         assert found["controller.ki"].value < derived(mapping | {"calibration": {}})["controller.ki"].value
         assert _phase_left_deg(mapping, found["controller.kp"].value) == pytest.approx(30.0, abs=2.0)
+        mapping["calibration"]["power"] = power | {"latent_rise": -15.0}  # by a heat capacity that is half too large
+        least = derived(mapping)["controller.kp"]
+        mapping["calibration"]["power"] = power | {"latent_rise": 0.0}
+        assert least == derived(mapping)["controller.kp"] and 0.0 < least.value < found["controller.kp"].value
+        mapping["calibration"]["power"] = power | {"latent_rise": narrow * home["latent_rise"]}
         # Also where the heat balance follows from the geometry, as in an `identify` that could not measure it.
         by_geometry = mapping | {"thermal": {"ambient_temperature": 24.0}}
         told = {name.partition(".")[2]: each.value for name, each in derived(by_geometry).items() if "thermal." in name}
