@@ -166,8 +166,7 @@ class Supervisor:
         Both are needed: the wire also contracts while the current stays what it is.
         """
         if stress_Pa <= self.config.safety.stress_limit_fraction * self.config.wire.max_stress:
-            if self._stress_cap_A < inf:
-                self._free_of_stress()
+            self._free_of_stress()
             return
         if self._stress_cap_A == inf:
             self.stress_floor_m = position_m
