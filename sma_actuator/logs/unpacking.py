@@ -7,6 +7,7 @@ import contextlib
 import errno
 import mmap
 import os
+import re
 import resource
 import sqlite3
 import struct
@@ -14,6 +15,7 @@ import zipfile
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
+from typing import IO
 
 from .errors import BenchLogError
 
@@ -30,6 +32,8 @@ UNPACKING_B = 4 * LARGEST_B
 #: What a byte of a book takes that is not read row by row, but becomes objects, all of it: of its texts, whose shortest
 #: take 20 bytes, and of all else: styles of five bytes were measured to take 130 times as much.
 _TEXTS_B, _WHOLE_B = 20, 150
+#: How a row of a sheet begins, by whatever name its space goes, and no more bytes than that takes.
+_ROW, _ROW_B = re.compile(rb"<(?:[^\s<>/:]{1,40}:)?row[\s/>]"), 50
 #: Of MATLAB's level 5: its header, the tag of an element, the type of one that is packed, and what a byte of text
 #: becomes.
 _MATLAB_HEADER_B, _MATLAB_TAG_B, _MATLAB_PACKED, _CHARACTER_B = 128, 8, 15, 4
@@ -132,8 +136,25 @@ def look_at_excel(path: Path) -> None:
         for said in Manifest.from_tree(fromstring(packed.read(ARC_CONTENT_TYPES))).Override:
             if said.ContentType.endswith("xml"):
                 kinds.setdefault(said.PartName[1:], set()).add(said.ContentType)
-        parts = [(each.filename, each.file_size) for each in packed.infolist()]
-    refuse_larger(path, sum(_times(name, kinds.get(name, set())) * size_B for name, size_B in parts))
+        parts = [(each, _times(each.filename, kinds.get(each.filename, set()))) for each in packed.infolist()]
+        refuse_larger(path, sum(times * part.file_size for part, times in parts))
+        for part, times in parts:
+            if times == 1 and (part.filename in kinds or part.filename.endswith(".xml")):  # a sheet, and no picture
+                with packed.open(part) as sheet:
+                    refuse_larger(path, _WHOLE_B * _longest_row_B(sheet))
+
+
+def _longest_row_B(sheet: IO[bytes]) -> int:
+    """The most of a sheet that is from one row to the next, or after the last: that becomes objects at once."""
+    longest_B, row_at, read_B, rest = 0, 0, 0, b""
+    while piece := sheet.read(PIECE_B):
+        text, text_at = rest + piece, read_B - len(rest)
+        for row in _ROW.finditer(text):
+            begins_at = text_at + row.start()
+            if begins_at > row_at:  # not one that the piece before has had
+                longest_B, row_at = max(longest_B, begins_at - row_at), begins_at
+        read_B, rest = read_B + len(piece), text[-_ROW_B:]
+    return max(longest_B, read_B - row_at)
 
 
 def _times(part: str, kinds: set[str]) -> int:

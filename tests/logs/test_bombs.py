@@ -1,6 +1,7 @@
 """Files of a few bytes that stand for gigabytes are refused before they are unpacked, whatever their format."""
 
 import contextlib
+import io
 import json
 import os
 import re
@@ -130,6 +131,32 @@ def test_styles_of_a_workbook_are_counted_as_the_objects_that_they_become(tmp_pa
     wide_styles(tmp_path / "a.xlsx")
     with pytest.raises(BenchLogError, match=r"a\.xlsx: takes more than 1 GB"):
         read_table(tmp_path / "a.xlsx")
+
+
+@pytest.mark.parametrize("inside", [b"<a>" * 300_000 + b"</a>" * 300_000, b"<c/>" * 500_000], ids=["deep", "wide"])
+@pytest.mark.parametrize(
+    "after", [b"", b'<x:row r="9"><x:c r="A9"><x:v>1</x:v></x:c></x:row>'], ids=["last", "between"]
+)
+def test_what_a_sheet_has_between_its_rows_is_counted_as_the_objects_that_it_becomes(tmp_path, inside, after):
+    """39 kB of a book were 35 MB of elements in elements, and took 1.5 GB."""
+    rows = b"".join(b'<row r="%d"><c r="A%d"><v>1</v></c></row>' % (k, k) for k in range(2, 9))
+    excel(tmp_path / "a.xlsx", rows + inside + after)
+    with pytest.raises(BenchLogError, match=r"a\.xlsx: \d+ bytes that stand for 3\d\d MB; no log packs so well"):
+        read_table(tmp_path / "a.xlsx")
+
+
+@pytest.mark.parametrize("piece_B", [1, 7, 100, 10_000])
+def test_the_longest_row_of_a_sheet_is_found_wherever_it_is_cut_into_pieces(monkeypatch, piece_B):
+    monkeypatch.setattr(unpacking, "PIECE_B", piece_B)
+    rows = [
+        b"<sheetData>",
+        *(b'<x:row r="%d">' % k + b"<c/>" * k + b"</x:row>" for k in range(20)),
+        b"<row/>",
+        b"<row>",
+    ]
+    for after in (b"", b"<a/>" * 100):
+        longest_B = max(len(after) + 5, len(rows[20]))
+        assert unpacking._longest_row_B(io.BytesIO(b"".join(rows) + after)) == longest_B
 
 
 def renamed_texts(path, name):
