@@ -14,6 +14,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.srv import (
     DescribeParameters,
     GetParameters,
@@ -23,6 +24,7 @@ from rcl_interfaces.srv import (
     SetParametersAtomically,
 )
 from rclpy.service import Service
+from type_description_interfaces.srv import GetTypeDescription
 from unique_identifier_msgs.msg import UUID
 
 #: Names or parameters of one request: some more than a node has.
@@ -51,6 +53,18 @@ class _Parameter(ctypes.Structure):
         ("string_value", _Sequence),
         ("arrays", _Sequence * 5),
     ]
+
+
+class _Transition(ctypes.Structure):
+    """The request of ``lifecycle_msgs/srv/ChangeState``."""
+
+    _fields_ = [("id", ctypes.c_uint8), ("label", _Sequence)]
+
+
+class _Description(ctypes.Structure):
+    """The request of ``type_description_interfaces/srv/GetTypeDescription``, but for the word at its end."""
+
+    _fields_ = [("type_name", _Sequence), ("type_hash", _Sequence)]
 
 
 class _Trajectory(ctypes.Structure):
@@ -96,6 +110,8 @@ _OF = {
     SetParameters: _Parameter,
     SetParametersAtomically: _Parameter,
 }  #: services of parameters, and what the sequence holds that every request of them begins with
+#: Others whose requests hold texts, and how they are laid out: a label of 20 MB was a sentence of the log.
+_TEXTS_OF = {ChangeState: _Transition, GetTypeDescription: _Description}
 
 
 def too_much(address: int, kind: Any) -> str:
@@ -106,6 +122,17 @@ def too_much(address: int, kind: Any) -> str:
     content = 0
     for each in (kind * asked.size).from_address(asked.data) if asked.size else ():
         content += each.size if isinstance(each, _Sequence) else _content(each)
+    return _too_much_content(content)
+
+
+def too_wordy(address: int, kind: Any) -> str:
+    """The same of a request that holds texts."""
+    asked = kind.from_address(address)
+    texts = [getattr(asked, name) for name, of in kind._fields_ if of is _Sequence]
+    return _too_much_content(sum(text.size for text in texts))
+
+
+def _too_much_content(content: int) -> str:
     if content > MOST_CONTENT:
         return f"it has {content} characters and values, more than {MOST_CONTENT}"
     return ""
@@ -156,9 +183,9 @@ class RefusedMotion(Refused):
         vars(self).update(goal_id=identity, goal=self)
 
 
-def _look_at_parameters(kind: Any) -> Callable[[int], Refused | None]:
+def _refusing(too: Callable[[int, Any], str], kind: Any) -> Callable[[int], Refused | None]:
     def look(address: int) -> Refused | None:
-        why = too_much(address, kind)
+        why = too(address, kind)
         return Refused(why) if why else None
 
     return look
@@ -200,9 +227,11 @@ class _Type:
 
 
 def bound(service: Service) -> None:
-    """Have a service that is asked about parameters refuse what is too much."""
-    if service.srv_type in _OF:
-        service.srv_type = _Type(service.srv_type, _look_at_parameters(_OF[service.srv_type]))
+    """Have a service whose requests may be of any length refuse what is too much."""
+    for too, of in ((too_much, _OF), (too_wordy, _TEXTS_OF)):
+        if service.srv_type in of:
+            service.srv_type = _Type(service.srv_type, _refusing(too, of[service.srv_type]))
+            return
 
 
 def bound_goals(server: Any) -> None:

@@ -19,7 +19,7 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
-from sma_actuator.base.errors import UserError
+from sma_actuator.base.errors import UserError, brief
 from sma_actuator.base.signals import Output, Quality
 from sma_actuator.config import Config
 from sma_actuator.derived import not_survived
@@ -237,7 +237,7 @@ class SmaActuatorNode(LifecycleNode):
         if wanted not in possible and wanted not in possible.values():
             state = self.state
             names = ", ".join(f"{label} ({number})" for number, label in possible.items())
-            self.report(f"~/change_state: the node is {state}; '{wanted}' is not one of {names}")
+            self.report(f"~/change_state: the node is {state}; '{brief(str(wanted))}' is not one of {names}")
             response.success = False
             return response
         response = self._change_state(request, response)

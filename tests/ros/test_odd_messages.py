@@ -23,6 +23,7 @@ from std_msgs.msg import Float64
 from std_srvs.srv import SetBool, Trigger
 from test_node import ASKED, NAME, _enable, _enabled, _status, _transition
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from type_description_interfaces.srv import GetTypeDescription
 
 from sma_msgs_py import setpoint_message, trajectory_message
 
@@ -107,6 +108,8 @@ TOO_MUCH = {
         "set_parameters",
         {"parameters": [Parameter(name="a", value=ParameterValue(type=4, string_value="a" * 1_000_000))]},
     ),
+    "a long label": (ChangeState, "change_state", {"transition": Transition(label="a" * 20_000_000)}),
+    "a long name of a type": (GetTypeDescription, "get_type_description", {"type_name": "a" * 1_000_000}),
 }
 
 
@@ -156,13 +159,19 @@ class TestWhileDriving:
 
     @pytest.mark.parametrize(
         ("transition", "shown"),
-        [({"id": 1}, "'1'"), ({"id": 99}, "'99'"), ({"label": "activate"}, "'activate'"), ({"id": 3}, "'3'")],
-        ids=["configure", "no such number", "activate", "activate by number"],
+        [
+            ({"id": 1}, "'1'"),
+            ({"id": 99}, "'99'"),
+            ({"label": "activate"}, "'activate'"),
+            ({"id": 3}, "'3'"),
+            ({"label": "x" * 100_000}, "(100000 characters)'"),
+        ],
+        ids=["configure", "no such number", "activate", "activate by number", "a long word"],
     )
     def test_a_transition_that_the_state_does_not_have_is_refused(self, driving, transition, shown):
         node, client, still_drives = driving
         request = ChangeState.Request(transition=Transition(**transition))
-        sentence = f"the node is active; {shown} is not one of deactivate (4), shutdown (7)"
+        sentence = f"{shown} is not one of deactivate (4), shutdown (7)"
         # Of refusals that differ in numbers alone one a second is shown.
         client.spin_until(
             lambda: not client.call(f"{DRIVEN}/change_state", ChangeState, request).success and sentence in node.words,
