@@ -100,8 +100,8 @@ class NodeParameters(Generic[Parameters]):
 
     def _apply(self, parameters: list[Parameter]) -> None:
         changes = self._changes(parameters)
-        if changes:
-            before, self.config = self.config, self.config.replace(changes)
+        before, self.config = self.config, self.config.replace(changes)
+        if self.config != before:  # each change waits for a step of the loop
             for name, change, _ in loosened(before, self.config):
                 self._log.warning(f"{name}: {change} guards less")
             words = "; ".join(f"{name}: {change}" for name, change, _ in loosened(self._begun_with, self.config))
