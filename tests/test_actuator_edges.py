@@ -10,13 +10,11 @@ from rig import Rig
 from sma_actuator.actuator import Actuator
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.share import shared_file
-from sma_actuator.base.signals import Branch, Command, Mode
+from sma_actuator.base.signals import OFF, Branch, Command, Mode, SupplyState
 from sma_actuator.config import Config
 from sma_actuator.control.law import LawError
 from sma_actuator.estimation.chain import ESTIMATOR_RESET
 from sma_actuator.plant.loads import Weight
-
-OFF = Command(0.0, False)
 
 
 @pytest.fixture
@@ -70,6 +68,13 @@ def test_a_first_step_in_which_nobody_answers_is_no_failure(config):
     output = Actuator(config).step(0.0, None, None)
     assert output.command == OFF
     assert output.status.fault == ""
+
+
+def test_an_output_that_is_on_before_anything_was_told_was_switched_on_by_somebody_else(config):
+    actuator = Actuator(config)
+    for now_s in (0.0, 0.05, 0.1):
+        output = actuator.step(now_s, None, SupplyState(now_s, 0.2, True, 1.0, 0.2))
+    assert output.status.fault == "second_commander"
 
 
 class TestAnAnswerThatIsOwed:

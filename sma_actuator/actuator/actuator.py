@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from math import inf, isfinite, nan
 
 from sma_actuator.base.parameters import live_changes
-from sma_actuator.base.signals import Branch, Command, Estimate, Output, Quality, Reading, Signals, SupplyState
+from sma_actuator.base.signals import OFF, Branch, Command, Estimate, Output, Quality, Reading, Signals, SupplyState
 from sma_actuator.config import Config, require_calibrated
 from sma_actuator.control.commanding import Commanding
 from sma_actuator.estimation.chain import ESTIMATOR_RESET, Chain
@@ -58,7 +58,7 @@ class Actuator:
         self._reading_s = -inf  #: time stamp of the last usable reading
         self._signals = _NOTHING
         self._estimate = _NO_ESTIMATE
-        self._told = Command(0.0, False)
+        self._told = OFF
         self._told_s = -inf  #: since when that is so
         self._limit_A = 0.0  #: highest current that heat and stress leave
 
@@ -97,7 +97,7 @@ class Actuator:
     def switched_off(self) -> None:
         """Take note that the supply was switched off since the last step: it will read back so, and nobody else did
         it."""
-        self._tell(Command(0.0, False))
+        self._tell(OFF)
 
     def clear_fault(self, now_s: float) -> tuple[bool, str]:
         """Clear a latched fault; the output stays off until enabled again."""
@@ -254,7 +254,7 @@ class Actuator:
         except Exception as error:  # noqa: BLE001 - whatever it is, the current must go off
             _log.exception("the control step failed")
             self._latch(unhandled_exception, f"{type(error).__name__}: {error}")
-            self._tell(Command(0.0, False))
+            self._tell(OFF)
             return self._output({}, set(), nan, reading)
 
     def _step(

@@ -135,6 +135,9 @@ class Command:
     output_on: bool
 
 
+OFF = Command(0.0, False)
+
+
 @record(frozen=True, slots=True)
 class Status:
     """The state of one actuator in a form that can be published."""

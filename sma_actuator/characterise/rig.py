@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from sma_actuator.base.interrupts import Interrupts, ending_signals, noted_signals, raised_signals
-from sma_actuator.base.signals import Branch, Command, Estimate, Quality, Reading, Signals, SupplyState
+from sma_actuator.base.signals import OFF, Branch, Command, Estimate, Quality, Reading, Signals, SupplyState
 from sma_actuator.estimation.circuit import signals_from_reading
 from sma_actuator.instruments import Clock, Daq, InstrumentLate, InstrumentLost, InstrumentRefused, PowerSupply
 from sma_actuator.logs.bench_log import BenchLog
@@ -160,7 +160,7 @@ class Watch:
         self._clock = clock
         self._supervisor = Supervisor(attended(config))
         self._seen_s = clock.now_s()
-        self._told = Command(0.0, False)
+        self._told = OFF
 
     def update(self, config) -> None:
         """Go on with other parameters; what is known of the wire's heat stays."""

@@ -8,7 +8,7 @@ import math
 import time
 from collections.abc import Callable
 
-from sma_actuator.base.signals import Command, Mode, Output
+from sma_actuator.base.signals import OFF, Mode, Output
 from sma_actuator.instruments import Clock
 from sma_actuator.safety.faults import FAULTS
 from sma_actuator.safety.guards.program import loop_hung
@@ -21,7 +21,6 @@ _log = logging.getLogger(__name__)
 
 #: How long it rests at the least between two looks, and at the most: patience may become shorter meanwhile.
 _SHORTEST_REST_s, _LONGEST_REST_s = 0.05, 0.25
-_OFF = Command(0.0, False)
 
 
 class Watchman:
@@ -105,4 +104,4 @@ class Watchman:
             values=dict(last.status.values),
         )
         # What was read before the output went off says nothing of what flows now.
-        self._show(self._output.with_truth(dataclasses.replace(last, reading=None, command=_OFF, status=status)))
+        self._show(self._output.with_truth(dataclasses.replace(last, reading=None, command=OFF, status=status)))

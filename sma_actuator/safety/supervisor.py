@@ -10,7 +10,7 @@ from collections.abc import Collection
 from math import inf, nan, sqrt
 
 from sma_actuator.base.balance import held_rise_K
-from sma_actuator.base.signals import Command, Reading, SupplyState
+from sma_actuator.base.signals import OFF, Command, Reading, SupplyState
 
 from .faults import FAULTS
 from .guards.program import command_invalid
@@ -21,8 +21,6 @@ from .records import Action, Fault, Guard, Limit, Memory, Step
 from .thermal import WireHeat, derated_limit_A
 from .timing import SETTLING_READINGS, SETTLING_TIME_s
 from .transformed import Transforms, most_contracted_Ohm
-
-_OFF = Command(0.0, False)
 
 
 def unwatched_s(config: SafetySections) -> float:
@@ -199,11 +197,11 @@ class Supervisor:
         """The command that goes to the supply, and the limits that bent it; ``late``: an instrument owes an answer."""
         limits: set[Limit] = set()
         if not driven or self.latched is not None:
-            return _OFF, limits
+            return OFF, limits
         invalid = command_invalid.look(wanted_A)
         if invalid:
             self.latch(command_invalid, invalid)
-            return _OFF, limits
+            return OFF, limits
         max_A, derated_A = self.config.supply.max_current, self._heat_leaves_A
         limit_A = min(derated_A, self._stress_cap_A)
         if late:
@@ -215,4 +213,4 @@ class Supervisor:
         if self._stress_cap_A < inf:
             limits.add(STRESS_NEAR_LIMIT)
         current_A = min(wanted_A, limit_A, max_A)
-        return (Command(current_A, True) if 0.0 <= current_A <= max_A else _OFF), limits
+        return (Command(current_A, True) if 0.0 <= current_A <= max_A else OFF), limits

@@ -291,6 +291,8 @@ class TestHeldBack:
         wire.run(0.2, **LITTLE)
         assert wire.reach.held_back
         assert wire.reach.floor_m == -math.inf, "this is no end"
+        wire.reach.forget()
+        assert not wire.reach.held_back, "with another load or start it is seen anew"
 
     @pytest.mark.parametrize(
         "otherwise",
