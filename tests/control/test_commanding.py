@@ -12,6 +12,7 @@ from sma_actuator.control.commanding import Commanding, State
 from sma_actuator.control.setpoints import Trajectory
 
 RAMP = Trajectory([0.0, 2.0], [0.004, 0.002])
+LATER = Trajectory([1.0, 3.0], [0.004, 0.002])  #: its first point is
 
 EVENTS = {
     "enable": lambda machine: machine.enable(),
@@ -172,6 +173,29 @@ def test_a_trajectory_that_is_awaited_begins_in_its_time_even_if_the_setpoint_is
     assert machine.state is State.FOLLOWING
     assert machine.position_m(11.5) == pytest.approx(0.0035)
     assert machine.lost == ""
+
+
+def test_how_long_a_trajectory_is_awaited_is_known_as_long_as_it_is():
+    machine = machine_in(State.HOLDING)
+    assert math.isnan(machine.begins_in_s(1.0))
+    machine.follow(10.0, RAMP, 5.0)
+    assert machine.begins_in_s(11.0) == 4.0
+    machine.advance(15.0)
+    assert math.isnan(machine.begins_in_s(15.0))
+
+
+def test_to_a_first_point_that_is_later_it_is_led_in_from_where_the_reference_is():
+    machine = machine_in(State.HOLDING)
+    machine.follow(10.0, LATER, 0.0, reference_m=0.003)
+    places_m = [machine.position_m(now_s) for now_s in (10.0, 10.5, 11.0, 12.0)]
+    assert places_m == pytest.approx([0.003, 0.0035, 0.004, 0.003])
+
+
+def test_so_it_is_from_where_the_wire_is_once_the_controller_has_begun_anew():
+    machine = machine_in(State.LOST_AT_BIAS)
+    machine.follow(10.0, LATER, 0.0)
+    machine.begun(10.5, 0.003)
+    assert [machine.position_m(now_s) for now_s in (10.5, 10.75, 11.0)] == pytest.approx([0.003, 0.0035, 0.004])
 
 
 @pytest.mark.parametrize("event", ["setpoint", "trajectory", "stop", "off"])
