@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import asyncio
 import collections
-import contextlib
 import logging
 import math
 import threading
@@ -18,7 +17,6 @@ from typing import Any
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from diagnostic_msgs.srv import SelfTest
-from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterDescriptor, ParameterEvent, ParameterType
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -115,6 +113,7 @@ class WatchedNode:
         self._row_s = -math.inf
         self._recorded: collections.deque[tuple[float, bytes]] = collections.deque(maxlen=MOST_RECORDED)
         self._identity: frozenset[bytes] = frozenset()
+        self._is_stale = True  #: the parameters, since something has changed
         self._clients: dict[str, Any] = {}
         self._kinds: dict[str, Any] = {}
         self._signals: Any = None
@@ -213,6 +212,7 @@ class WatchedNode:
         result = response.results[0]
         if not result.successful:
             raise Refused(result.reason or f"{name}: refused without a reason")
+        await self._read_parameters()
         return f"{name} is {value}"
 
     async def listen(self, wanted: bool) -> None:
@@ -246,10 +246,13 @@ class WatchedNode:
             if present != self.present or services != self.services:
                 self.present, self.services = present, services
                 self.version += 1
-            if identity != self._identity or (identity and not self.parameters):
-                with contextlib.suppress(Refused):  # it is not ready yet; in a second again
+            if identity and (self._is_stale or identity != self._identity):
+                self._is_stale = False  # before: what changes meanwhile is read again
+                try:
                     await self._read_parameters()
                     self._identity = identity
+                except Refused:  # it is not ready yet; in a second again
+                    self._is_stale = True
             await asyncio.sleep(LOOK_PERIOD_s)
 
     def close(self) -> None:
@@ -391,18 +394,8 @@ class WatchedNode:
             self.version += 1
 
     def _on_parameter_event(self, message: ParameterEvent) -> None:
-        if message.node != self.node:
-            return
-        for changed in message.changed_parameters:
-            self._changed(changed)
-
-    def _changed(self, changed: ParameterMessage) -> None:
-        if changed.name in self.parameters:
-            value = parameter_value_to_python(changed.value)
-            self.parameters = {**self.parameters, changed.name: value}
-            if changed.name in self.live:
-                self.live = {**self.live, changed.name: {**self.live[changed.name], "value": value}}
-            self.parameters_version += 1
+        if message.node == self.node:  # that it has changed something; what to, it is asked, since anybody can say so
+            self._is_stale = True
 
 
 def _settle(future: asyncio.Future[Any], result: Any, error: BaseException | None) -> None:

@@ -14,6 +14,7 @@ import aiohttp
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import WrenchStamped
 from processes import SOON_s, wait_until
+from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterValue
 from std_msgs.msg import Float64
 from waiting import Elapsed
 
@@ -281,6 +282,25 @@ def test_whatever_diagnoses_the_wire_is_shown(stand, client):
         await page.until(lambda: names <= {d["name"] for d in page.told.get("state", {}).get("diagnostics", [])})
         shown = next(d for d in page.told["state"]["diagnostics"] if d["name"] == said.name)
         assert shown == {"level": 1, "name": said.name, "message": said.message, "values": {"since": "yesterday"}}
+
+    with_page(stand, work)
+
+
+def test_what_anybody_says_that_a_parameter_is_the_node_is_asked_for(stand, client):
+    """False events made the page show what is no number, and forget the node's model."""
+    odd = [
+        ParameterValue(type=3, double_value=math.nan),
+        ParameterValue(type=4, string_value="x"),
+        ParameterValue(type=99),
+    ]
+    lies = [Parameter(name=name, value=value) for name in ("controller.kp", "wire.length") for value in odd]
+
+    async def work(page):
+        before = await page.until(lambda: page.told.get("parameters", {}).get("range_m") and page.told["parameters"])
+        del page.told["parameters"]
+        event = ParameterEvent(node=NAME, changed_parameters=lies)
+        await asyncio.to_thread(client.publish, "/parameter_events", event)
+        assert await page.until(lambda: page.told.get("parameters")) == before
 
     with_page(stand, work)
 
