@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -175,7 +175,7 @@ def _ready(
     everything = (
         as_one_wire(logs, with_derived(mapping)) if fitter.any_size else make_experiments(logs, bench, fitter.remembers)
     )
-    _refuse_contraction(everything, bench.wire.strain_length_m)
+    _refuse_contraction(everything, bench.wire.strain_length_m, notes.append)
     everything = without_misjudged(everything, notes.append)
     reasons: dict[str, str] = {}
     at_odds: list[str] = []
@@ -227,28 +227,36 @@ def foreign_loads_N(experiments: Sequence[Experiment], config: Config) -> tuple[
     return low_Pa * config.wire.area_m2, high_Pa * config.wire.area_m2
 
 
-def _refuse_contraction(experiments: Sequence[Experiment], length_m: float) -> None:
-    """Raise IdentificationError where a displacement counts contraction: the model would ask for heat where it should
-    cool.  A log in which a wire was held back from contracting says nothing of that: it expands with its heat."""
+def _refuse_contraction(experiments: Sequence[Experiment], length_m: float, say: Callable[[str], None]) -> None:
+    """Raise IdentificationError where the displacement counts contraction: the model would ask for heat where it should
+    cool.
+
+    All logs are of one sensor: what those say in which it moved more counts, and of others ``say`` is told.  A log in
+    which a wire was held back from contracting says nothing: it expands with its heat.
+    """
+    moved_m = {id(t): float(np.ptp(t.displacement_m[np.isfinite(t.displacement_m)])) for t in experiments}
     turned = [
         t
         for t in experiments
-        if counts_contraction(t.resistance_Ohm, t.signals.current_A, t.displacement_m)
-        and np.ptp(t.displacement_m[np.isfinite(t.displacement_m)]) > EXPANDS * length_m
+        if moved_m[id(t)] > EXPANDS * length_m
+        and counts_contraction(t.resistance_Ohm, t.signals.current_A, t.displacement_m)
     ]
     if not turned:
         return
-    raw = "displacement_m" not in turned[0].log
-    how = (
-        "turn the signs of reference_sensor.slope and reference_sensor.offset in the bench file"
-        if raw
-        else "turn it with a minus before its unit, as --unit displacement_m=-mm"
-    )
     sources = dict.fromkeys(t.part_of or t.log.source for t in turned)
     names = ", ".join(sources) if len(turned) < len(experiments) or len(sources) == 1 else f"all {len(sources)} logs"
+    grows = f"{names}: the displacement grows while the wire is heated"
+    if 2.0 * sum(moved_m[id(t)] for t in turned) < sum(moved_m.values()):
+        say(f"{grows}, in the others it falls: held back by the heat limit, or of a sensor that is turned")
+        return
+    how = (
+        "turn the signs of reference_sensor.slope and reference_sensor.offset in the bench file"
+        if "displacement_m" not in turned[0].log
+        else "turn it with a minus before its unit, as --unit displacement_m=-mm"
+    )
     raise IdentificationError(
-        f"{names}: the displacement grows while the wire is heated, so it counts contraction, "
-        f"and extension is positive here; a node with a model of it would go to full current. {how[0].upper()}{how[1:]}"
+        f"{grows}, so it counts contraction, and extension is positive here; a node with a model of it would go to "
+        f"full current. {how[0].upper()}{how[1:]}"
     )
 
 
