@@ -276,8 +276,9 @@ class Session:
             if not said or not said.replace("\t", " ").isprintable():
                 raise self.garbled(line, said, "", self.may_begin_anew)
             if said != lines[0] and self._manner.acknowledgement is None:
-                if self._is_understood or lines[:-1] != lines[:1] * len(self._told):  # not the same to each line
-                    raise self._unasked("; ".join(lines[:-1]), lines[0])
+                answers = lines[:-1]  # to each line the same, and on a serial line to those of an earlier connection
+                if self._is_understood or len(answers) < len(self._told) or len(set(answers)) > 1:
+                    raise self._unasked("; ".join(answers), lines[0])
                 self.give_up("")
                 raise InstrumentRefused(
                     f"{self.name}: it answers commands ('{_shown(lines[0])}' to '{self._told[0]}'): put "

@@ -157,6 +157,21 @@ def test_one_that_answers_though_its_dialect_does_not_say_so_is_refused_with_the
         assert instrument.settings["OUTP"] == "0"
 
 
+def test_nor_is_it_otherwise_where_what_answers_an_earlier_connection_comes_too(tmp_path, supply_of):
+    """As on a serial line of a busy computer, which opened it twice."""
+    instrument = Answering()
+
+    def answer(line):
+        return "OK\nOK" if line == "OUTP 0" else instrument(line)
+
+    with SerialInstrument(answer) as line:
+        supply = supply_of(line, dialect(tmp_path))
+        with pytest.raises(
+            InstrumentError, match=r"it answers commands \('OK' to 'OUTP 0'\): put acknowledgement: 'OK'"
+        ):
+            supply.open()
+
+
 def test_an_answer_to_a_later_command_is_told_from_an_answer_to_a_question(tmp_path, supply_of):
     instrument = Answering(None)
     with TcpInstrument(instrument) as line:
