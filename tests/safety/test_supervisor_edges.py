@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from sma_actuator.base.signals import Branch, Command, Estimate, Quality, Reading, Signals, SupplyState
+from sma_actuator.base.signals import OFF, Branch, Command, Estimate, Quality, Reading, Signals, SupplyState
 from sma_actuator.config import Config
 from sma_actuator.safety.faults import FAULTS
 from sma_actuator.safety.limits import STRESS_NEAR_LIMIT, TEMPERATURE_DERATING
@@ -13,7 +13,6 @@ from sma_actuator.safety.supervisor import Supervisor
 from sma_actuator.safety.timing import SETTLING_READINGS, SETTLING_TIME_s
 
 NAN, INF = math.nan, math.inf
-OFF = Command(0.0, False)
 BIAS_A, MAX_A = 0.05, 0.4
 AMBIENT_C = 22.0
 COLD_s = 1e6  #: for so long without power every wire is as cold as the room
@@ -232,6 +231,19 @@ class TestHeat:
         supervisor.update(supervisor.config)
         assert supervisor.limit_A() == BIAS_A
         assert supervisor.gate(MAX_A, True, {})[0] == Command(BIAS_A, True)
+
+    def test_is_kept_of_what_the_wire_alone_takes_and_by_its_stress(self, make, monkeypatch):
+        supervisor, taken = make(), []
+        monkeypatch.setattr(type(supervisor.heat), "step", lambda _, *given: taken.append(given))
+        supervisor.keep_heat(0.3, 0.2, 0.05, AMBIENT_C, 5.0, 0.98)
+        assert taken[0][-2:] == pytest.approx((0.2**2 * 5.0, 0.98 / supervisor.config.wire.area_m2))
+
+    @pytest.mark.parametrize(("changes", "times"), [({}, 0), (SMALL, 1)], ids=["leaves all", "leaves less"])
+    def test_only_a_wire_that_it_holds_back_is_let_cool(self, make, monkeypatch, changes, times):
+        supervisor, taken = make(**changes), []
+        monkeypatch.setattr(type(supervisor.heat), "let_cool", lambda _: taken.append(True))
+        supervisor.let_cool()
+        assert len(taken) == times
 
 
 class TestStress:

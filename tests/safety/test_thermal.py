@@ -10,8 +10,9 @@ from calibrated import CALIBRATION
 from sma_actuator.base.jit import floats
 from sma_actuator.config import Config
 from sma_actuator.safety.ambient import Ambient, AMBIENT_FALL_K_s
-from sma_actuator.safety.cold import COLD_TIMES, SHOWN_COLD, begin_cold, keep_cold
+from sma_actuator.safety.cold import COLD_TIMES, SHOWN_COLD, COLD_Ohm, begin_cold, keep_cold
 from sma_actuator.safety.thermal import (
+    _COLD,
     LATENT_K,
     NOT_CONTRACTED_MARGIN,
     SHOWN_LOSS,
@@ -19,6 +20,7 @@ from sma_actuator.safety.thermal import (
     HeatBalance,
     LONG_AGO_s,
     WireHeat,
+    _cools,
     _transforms_Ohm,
     begin_thermometer,
     derated_limit_A,
@@ -452,6 +454,14 @@ class TestAnotherWireInThePlaceOfTheCalibratedOne:
         assert run(5.8, 1.0, 20.0).at_most_C == pytest.approx(150.0, abs=0.5), "as much as cold: it transforms"
         heat.let_cool()
         assert not run(5.5, 0.0, 6.0).cools
+
+    @pytest.mark.parametrize("shown", [False, True])
+    def test_that_shows_what_it_is_known_to_show_cold_is_let_cool_to_where_it_returns(self, shown):
+        """And any other to where it transforms: 110 °C lie between the two here."""
+        state = floats(64)
+        state[_COLD + COLD_Ohm] = math.inf
+        assert _cools(state, True, False, 110.0, 90.0, 150.0, False, False, shown) == shown
+        assert not _cools(state, True, False, 89.0, 90.0, 150.0, False, False, shown)
 
     def test_whose_resistance_stands_is_no_hotter_than_it_transforms_at_as_long_as_that_stands(self, run):
         """Austenite's would fall as it cools, and rise as it warms."""
