@@ -64,6 +64,16 @@ class TestAStepThatFails:
         assert f"LawError: {said}" in rig.status.message
 
 
+@pytest.mark.parametrize("leaves", [SystemExit(3), KeyError("gain")], ids=repr)
+def test_a_law_that_cannot_be_built_is_named(config, leaves, monkeypatch):
+    def leave(*_):
+        raise leaves
+
+    monkeypatch.setattr(type(config.controller), "build", leave)
+    with pytest.raises(LawError, match=f"^control law 'pid': {type(leaves).__name__}: {leaves}$"):
+        Actuator(config)
+
+
 def test_a_first_step_in_which_nobody_answers_is_no_failure(config):
     output = Actuator(config).step(0.0, None, None)
     assert output.command == OFF

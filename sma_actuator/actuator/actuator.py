@@ -51,9 +51,7 @@ class Actuator:
         self._offered = Offered(config, self._commanding, self._said)
         self._measured = Measured()
         self._tuner = Tuner(self._said.changed)
-        self._following = Following(
-            config, config.controller.build(config), self._chain, self._commanding, self._supervisor, self._tuner
-        )
+        self._following = Following(config, self._chain, self._commanding, self._supervisor, self._tuner)
         self._now_s = nan
         self._reading_s = -inf  #: time stamp of the last usable reading
         self._signals = _NOTHING

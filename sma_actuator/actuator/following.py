@@ -52,15 +52,14 @@ class Following:
     def __init__(
         self,
         config: Config,
-        controller: ControlLaw,
         chain: Chain,
         commanding: Commanding,
         supervisor: Supervisor,
         tuner: Tuner,
     ):
         self.config = config
-        self.controller = controller
-        self._sensing = controller if isinstance(controller, SensingLaw) else None
+        self.controller: ControlLaw = self._asked(config.controller.build, config)
+        self._sensing = self.controller if isinstance(self.controller, SensingLaw) else None
         self._commanding = commanding
         self._supervisor = supervisor
         self._tuner = tuner

@@ -35,11 +35,14 @@ def start_on_off(tmp_path, monkeypatch, make_config, start_bench, start_node):
     return start
 
 
+LAW = f"{NAME}: control law 'on_off'"
+
+
 @pytest.mark.parametrize(
     ("line", "does", "said"),
     [
-        (BUILT, "        raise RuntimeError('no licence')\n", f"{NAME}: RuntimeError: no licence\n"),
-        (BUILT, "        raise SystemExit(3)\n", f"{NAME}: SystemExit: 3\n"),
+        (BUILT, "        raise RuntimeError('no licence')\n", f"{LAW}: RuntimeError: no licence\n"),
+        (BUILT, "        raise SystemExit(3)\n", f"{LAW}: SystemExit: 3\n"),
         ("class OnOff:\n", "    raise OSError('no licence')\n", "package 'sma-tiny' 0.1.0: its entry point on_off = "),
     ],
     ids=["raises when it is built", "leaves when it is built", "raises when it is imported"],
