@@ -5,6 +5,7 @@ import collections
 import json
 import math
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from sma_actuator.config import Config, read_parameter_file
 from sma_actuator.logs.bench_log import read_bench_log
 from sma_actuator.ros.named_signals import named_signals
 from sma_actuator.view import logs
-from sma_actuator.view.server import MOST_ASKED, MOST_WAITING, Desk, ViewServer, _Page
+from sma_actuator.view.server import MOST_ASKED, MOST_WAITING, Desk, TICK_s, ViewServer, _Page
 from sma_actuator.view.watched import COLUMNS, Refused
 
 HOST = "127.0.0.1"
@@ -394,6 +395,20 @@ def test_new_parameters_are_told_to_pages_that_are_open():
     wire.parameters_version += 1
     asyncio.run(desk.tick())
     assert sum("parameters" in each for each in map(strict, page.waiting)) == 2
+
+
+def test_a_page_that_comes_later_is_told_the_curves_of_the_load_there_is():
+    desk = Desk(StillWire())
+    desk._asymptotes = SimpleNamespace(at=lambda stress_Pa: {"stress_Pa": stress_Pa}, range_m=None, full_stroke_m=None)
+    desk._shown = (0, 0, [])
+    desk.pages.add(_Page())
+    desk.wire.rows.append(row(stress_Pa=54e6))
+    asyncio.run(desk.tick())
+    assert [each["curves"] for each in desk.whole_state() if "curves" in each] == [{"stress_Pa": 54e6}]
+
+
+def test_the_pages_are_told_at_times_and_not_all_the_time():
+    assert 0.0 < TICK_s <= 0.1, "a picture that moves"
 
 
 def test_what_a_page_does_not_take_displaces_the_oldest():
