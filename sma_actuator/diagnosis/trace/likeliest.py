@@ -136,32 +136,49 @@ class _Search:
         """What is likeliest with all that is as likely, seen over its own width."""
         p, u, rows, at = self.problem, end.u, end.rows, end.cost
         slopes = p.jacobian(u, rows) if end.slopes is None else end.slopes
-        slopes = self.covariance.whiten(slopes[self.seen]) * p.spread
-        squares, axes = np.linalg.eigh(slopes.T @ slopes + np.eye(len(u)))
-        axes *= p.spread[:, None] * np.sqrt(2.0 / squares)
-        sides = np.empty((2, len(rows), len(u)))
-        for i in range(len(u)):
-            length, shorter, longer = 1.0, 0.0, math.inf  # as far as a wall that lies behind nothing
+        axes = _axes(p, u, self.covariance.whiten(slopes[self.seen]) * p.spread)
+        sides = np.repeat(rows[None, :, None], 2, axis=0) * np.ones(len(u))
+        for i, axis in enumerate(axes.T):
+            reach = p.room(u, -axis), p.room(u, axis)
+            farthest = max(reach)
+            if not farthest:  # a range without any width
+                continue
+            length, shorter, longer = min(1.0, farthest), 0.0, math.inf  # as far as a wall that lies behind nothing
             for tries in range(WIDTHS, 0, -1):
                 if tries == 1 and shorter:
                     length = shorter
-                there = [u - length * axes[:, i], u + length * axes[:, i]]
-                sides[:, :, i] = [p.residual(p.clipped(x)) for x in there]
-                possible = [k for k, x in enumerate(there) if np.array_equal(x, p.clipped(x))] or [0, 1]
-                falls = [0.5 * (self.cost(sides[k, :, i], there[k]) - at) for k in possible]
-                fall = float(np.mean(falls))
-                if FALL[0] <= fall <= FALL[1]:
+                possible = [(k, u + (-length, length)[k] * axis) for k in (0, 1) if length <= reach[k]]
+                for k, there in possible:
+                    sides[k, :, i] = p.residual(p.clipped(there))
+                fall = float(np.mean([0.5 * (self.cost(sides[k, :, i], there) - at) for k, there in possible]))
+                if FALL[0] <= fall <= FALL[1] or (fall < FALL[0] and length == farthest):
                     break
                 shorter, longer = (length, longer) if fall < FALL[0] else (shorter, length)
                 length /= math.sqrt(min(max(fall, LONGER**-2), LONGER**2))
                 if not shorter < length < longer:
                     length = math.sqrt(shorter * longer)
+                length = min(length, farthest)
             axes[:, i] *= length
             if len(possible) == 1:  # beyond what is possible it goes on as on the other side
-                (k,) = possible
+                ((k, _),) = possible
                 sides[1 - k, :, i] = 2.0 * rows - sides[k, :, i]
         seen = rows[self.seen], axes / p.spread[:, None], (sides[0][self.seen], sides[1][self.seen])
         return Likeliest(p, u, rows, axes, (sides[0], sides[1]), curved(self.covariance, *seen))
+
+
+def _axes(problem: Problem, u: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+    """Along what a linear step says of each how likely it is, each so long that its ends are about a nat less likely,
+    (len(u), len(u)).
+
+    ``slopes``: of whitened rows, by standard deviations of what is known before the logs.  A parameter with an end of
+    the possible nearer than that is an axis of its own, so that one side of it can be gone.
+    """
+    squares = slopes.T @ slopes + np.eye(len(u))
+    lengths = problem.spread * np.sqrt(2.0 / np.diag(squares))
+    axes, free = np.diag(lengths), np.minimum(u - problem.low, problem.high - u) >= lengths
+    of_free, vectors = np.linalg.eigh(squares[np.ix_(free, free)])
+    axes[np.ix_(free, free)] = problem.spread[free, None] * vectors * np.sqrt(2.0 / of_free)
+    return axes
 
 
 def likeliest(

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import lsq_linear
-from scipy.special import ndtr
 
 from sma_actuator.base.parameters import declaration_of
 from sma_actuator.estimation.effects import EFFECTS, Effect
 
+from .bounded import log_share_between, log_share_within
 from .candidates import Candidate
 from .covariance import Covariance
 from .evidence import Evidence
@@ -29,7 +29,7 @@ PROBE = 0.5
 APART = 0.3  #: in the optimiser's units: shapes nearer to each other lead to the same end
 WIDEST = 50.0  #: of a range, in the optimiser's units
 NEAR_SIZE, NEAR_SHAPE = 0.01, 0.05  #: of what is possible, so near its end counts as at it: a shape comes there slowly
-LEAST = 1e-9  #: of a normal distribution that is possible: of a range without any width, all
+EDGE = 1e-9  #: in the optimiser's units, beyond what is possible: a range without any width has one
 
 
 class Problem:
@@ -83,14 +83,18 @@ class Problem:
         """The same within what is possible."""
         return np.clip(u, self.low, self.high)
 
-    def possible(self, u: np.ndarray, deviation: np.ndarray) -> float:
+    def room(self, u: np.ndarray, axis: np.ndarray) -> float:
+        """How many times an axis it is from there to the end of what is possible."""
+        some = axis != 0.0
+        ends = np.where(axis > 0.0, self.high, self.low)
+        return float(np.min((ends - u)[some] / axis[some]))
+
+    def possible(self, u: np.ndarray, covariance: np.ndarray) -> float:
         """Logarithm of how much of a normal distribution of the parameters is possible, over how much of it was before
         the logs: a size of one sign has half of one, and nothing is paid for the half that cannot be."""
-        likely, before = (
-            np.log(np.maximum(ndtr((self.high - mean) / size) - ndtr((self.low - mean) / size), LEAST))
-            for mean, size in ((u, deviation), (self.usual, self.spread))
-        )
-        return float(np.sum(likely - before))
+        low, high = self.low - EDGE, self.high + EDGE
+        before = log_share_between((low - self.usual) / self.spread, (high - self.usual) / self.spread)
+        return log_share_within(u, covariance, low, high) - float(np.sum(before))
 
     def cost(self, covariance: Covariance, rows: np.ndarray, u: np.ndarray) -> float:
         """Squares under the covariance, and of what is known of the parameters."""
@@ -104,7 +108,7 @@ class Problem:
         spread, u, usual = self.spread[free], u[free], self.usual[free]
         a = np.vstack((covariance.whiten(slopes), np.diag(1.0 / spread)))
         b = np.concatenate((covariance.whiten(rows), (u - usual) / spread))
-        room = (self.low[free] - u - 1e-9, self.high[free] - u + 1e-9)
+        room = (self.low[free] - u - EDGE, self.high[free] - u + EDGE)
         return lsq_linear(a, -b, room).x
 
     def residual(self, u: np.ndarray) -> np.ndarray:
@@ -178,7 +182,7 @@ class Likeliest:
         return "; ".join(out)
 
     def log_evidence(self, covariance: Covariance) -> float:
-        """Laplace's logarithm of the evidence, after one more step under this covariance.
+        """Laplace's logarithm of the evidence, after one more step under this covariance, within what is possible.
 
         How steep the likelihood is along each axis is seen in itself, and not in the slopes; so is how curved, where
         the parameters were made likeliest.  Under another covariance they are not quite that, and between two jumps it
@@ -190,12 +194,28 @@ class Likeliest:
         straight = covariance.whiten(0.5 * (sides[1] - sides[0]))
         curvature = (straight.T @ straight + axes.T @ axes) * np.outer(self.curved, self.curved)
         uphill = 0.25 * (left - right) - axes.T @ off
-        step = np.clip(np.linalg.solve(curvature, uphill), -1.0, 1.0)
-        higher = float(step @ (uphill - 0.5 * curvature @ step))
+        step, higher = self._step(uphill, curvature)
         volume = float(np.linalg.slogdet(axes)[1]) - 0.5 * float(np.linalg.slogdet(curvature)[1])
-        deviation = np.sqrt(np.sum(self.axes.T * np.linalg.solve(curvature, self.axes.T), axis=0))
-        possible = p.possible(self.u + self.axes @ step, deviation)
+        possible = p.possible(self.u + self.axes @ step, self.axes @ np.linalg.solve(curvature, self.axes.T))
         return covariance.log_likelihood(float(here)) - 0.5 * float(off @ off) + higher + volume + possible
+
+    def _step(self, uphill: np.ndarray, curvature: np.ndarray) -> tuple[np.ndarray, float]:
+        """Along the axes, where the top of a normal distribution is that goes on as the likelihood does where it was
+        seen, and by how much more likely that is than here.
+
+        Nobody saw what lies beyond the ends of an axis, so the top is no further than these.  Where the end of what is
+        possible comes first, all that counts lies before it, however far beyond it the top would be.
+        """
+        step = np.linalg.solve(curvature, uphill)
+        if np.abs(step).max(initial=0.0) <= 1.0:
+            return step, 0.5 * float(uphill @ step)
+        reach = np.array([[self.problem.room(self.u, sign * axis) for axis in self.axes.T] for sign in (-1.0, 1.0)])
+        root, ends = np.linalg.cholesky(curvature), np.minimum(reach, 1.0) + EDGE
+        near = lsq_linear(root.T, np.linalg.solve(root, uphill), (-ends[0], ends[1]), method="bvls").x
+        left = uphill - curvature @ near
+        beyond = np.linalg.solve(curvature, np.where(np.where(left > 0.0, reach[1], reach[0]) < 1.0, left, 0.0))
+        higher = near @ (uphill - 0.5 * curvature @ near) + 0.5 * beyond @ curvature @ beyond
+        return near + beyond, float(higher)
 
 
 def curved(

@@ -17,8 +17,7 @@ from sma_actuator.diagnosis.trace.problem import Likeliest, curved
 from sma_actuator.estimation.effects.free import Free, size
 
 NAME, N = "load_cell_drift", 200
-RNG = np.random.default_rng(2)
-SLOPES = RNG.standard_normal((N, 2)) * (0.7, 2.0)  # of a size that is typical
+SLOPES = np.random.default_rng(2).standard_normal((N, 2)) * (0.7, 2.0)  # of a size that is typical
 SMOOTH = 2.0 * np.column_stack((np.linspace(-1.0, 1.0, N), np.ones(N)))
 TYPICAL = np.array([0.2, 0.05])  # N, N/s
 
@@ -33,22 +32,22 @@ class Made:
 class Line(Made):
     """Evidence in which a load cell's zero and its change move every row in proportion."""
 
-    def __init__(self, base):
-        self.base = base
+    def __init__(self, base, slopes=SLOPES):
+        self.base, self.slopes = base, slopes
 
     def residual(self, effects):
         drift = effects[NAME]
-        return self.base + SLOPES @ (np.array([drift.offset, drift.rate]) / TYPICAL)
+        return self.base + self.slopes @ (np.array([drift.offset, drift.rate]) / TYPICAL)
 
 
-def candidate(limit=100.0, least=None, other_at=()):
+def candidate(limit=100.0, least=None, other_at=(), least_rate=None):
     offset = size("offset", limit * TYPICAL[0], TYPICAL[0], least, other_at)
-    return Candidate(NAME, (offset, size("rate", limit * TYPICAL[1], TYPICAL[1])), {})
+    return Candidate(NAME, (offset, size("rate", limit * TYPICAL[1], TYPICAL[1], least_rate)), {})
 
 
 def of(true, limit=100.0, **of_offset):
     """(rows without an effect, what is likeliest, the covariance); ``true``: sizes, in what is typical."""
-    base = RNG.standard_normal(N) + SMOOTH @ (0.5, -0.4) - SLOPES @ true
+    base = np.random.default_rng(3).standard_normal(N) + SMOOTH @ (0.5, -0.4) - SLOPES @ true
     usual = Covariance(SMOOTH)
     return base, likeliest(Line(base), [candidate(limit, **of_offset)], usual), usual
 
@@ -84,6 +83,54 @@ def test_nothing_is_paid_for_what_cannot_be(true):
     both_signs = together.log_likelihood(float(np.sum(together.whiten(base) ** 2)))
     expected = both_signs + float(norm.logsf(-mean[0] / deviation)) + math.log(2.0)
     assert found.log_evidence(usual) == pytest.approx(expected, abs=0.05)
+
+
+def panels(low, high, around):
+    """Places and weights of Gauss and Legendre's rule between two ends, finest where a likelihood is largest."""
+    widths = np.concatenate(([0.0], 2.0 ** np.arange(-9.0, 8.0)))
+    edges = np.unique(np.clip(np.concatenate((around - widths, around + widths)), low, high))
+    x, weight = np.polynomial.legendre.leggauss(8)
+    half = 0.5 * np.diff(edges)[:, None]
+    return (edges[:-1, None] + half * (x + 1.0)).ravel(), (half * weight).ravel()
+
+
+def densely(found, covariance):
+    """Logarithm of the mean likelihood over what two sizes may be before the logs, by numerical integration."""
+    p = found.problem
+    line, ends = p.evidence, np.array((p.low, p.high))
+    (one, of_one), (other, of_other) = (panels(*ends[:, k], found.u[k]) for k in (0, 1))
+    before = [-0.5 * (at / p.spread[k]) ** 2 for k, at in enumerate((one, other))]
+    a, b = covariance.whiten(line.slopes), covariance.whiten(line.base)
+    (c, d), (_, e) = a.T @ a
+    up, up_other = a.T @ b
+    squares = np.add.outer(c * one**2 + 2.0 * up * one, e * other**2 + 2.0 * up_other * other)
+    squares += 2.0 * d * np.outer(one, other) + b @ b
+    likely = covariance.log_likelihood(0.0) - 0.5 * squares + np.add.outer(*before)
+    (low, high), mean = ends / p.spread, np.log(np.multiply.outer(of_one, of_other))
+    usual = np.sum(np.log(norm.cdf(high) - norm.cdf(low))) + 2.0 * 0.5 * math.log(2.0 * math.pi)
+    return float(np.logaddexp.reduce(likely + mean, axis=None) - usual - np.sum(np.log(p.spread)))
+
+
+@pytest.mark.parametrize("signs", [(0.0, None), (0.0, 0.0)])
+def test_of_what_is_possible_the_evidence_is_the_integral(signs):
+    """Of sizes of one sign that go together, however far beyond it they would be likeliest, and under the covariance
+    of another hypothesis too."""
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        slopes = rng.standard_normal((N, 2)) @ rng.standard_normal((2, 2)) / 10.0
+        true = 2.0 * rng.standard_normal(2)
+        line = Line(rng.standard_normal(N) + SMOOTH @ (0.5, -0.4) - slopes @ true, slopes)
+        found = likeliest(line, [candidate(least=signs[0], least_rate=signs[1])], Covariance(SMOOTH))
+        for covariance in (Covariance(SMOOTH), Covariance(SMOOTH, share=0.5)):
+            assert found.log_evidence(covariance) == pytest.approx(densely(found, covariance), abs=0.02), seed
+
+
+def test_a_range_without_any_width_is_a_number():
+    """What its bounds leave no choice costs nothing, and is worth what the rows say of it there."""
+    base, _, usual = of((0.0, -2.0))
+    fixed = likeliest(Line(base), [candidate(limit=0.0)], usual)
+    assert fixed.u == pytest.approx(0.0, abs=1e-6)
+    assert fixed.log_evidence(usual) == pytest.approx(usual.log_likelihood(float(np.sum(usual.whiten(base) ** 2))))
 
 
 def test_what_is_not_there_costs_what_it_could_have_been():
@@ -219,13 +266,38 @@ def test_how_wide_the_likely_is_is_seen_across_jumps():
     assert abs(within.log_evidence(usual) - whole) > 0.2
 
 
+def test_under_another_covariance_nothing_is_gained_where_nobody_looked():
+    """Half of the rows want a larger size than the other half: where those are loud, the likelihood rises over all that
+    was seen of it, and on beyond that it does not."""
+    half, usual = np.arange(N) < N // 2, Covariance()
+    base = np.random.default_rng(6).standard_normal(N) - SLOPES[:, 0] * np.where(half, -1.5, 1.5)
+    c = Candidate(NAME, (size("offset", 20.0, TYPICAL[0]),), {})
+    one = likeliest(Line(base), [c], usual)
+    (at,), ((width,),) = one.u, one.axes
+
+    class Ends(Line):
+        """A size moves nothing more beyond what is likely."""
+
+        def residual(self, effects):
+            offset = np.clip(effects[NAME].offset / TYPICAL[0], at - 1.5 * width, at + 1.5 * width)
+            return self.base + SLOPES[:, 0] * offset
+
+    found = likeliest(Ends(base), [c], usual)
+    loud = Covariance(alone=(np.where(half, 30.0, 1.0), np.ones(N)))
+    units = np.linspace(-9.0, 9.0, 6001)
+    off = np.array([found.problem.cost(loud, found.problem.residual(u), u) for u in units[:, None]])
+    before = float(np.logaddexp.reduce(-0.5 * (units / LIMITS.size) ** 2))
+    whole = float(np.logaddexp.reduce(-0.5 * (off + loud.log_determinant))) - before
+    assert found.log_evidence(loud) < whole + 0.5
+
+
 @pytest.mark.parametrize("share", [0.2, 0.5, 0.8])
 def test_a_wall_beside_the_likeliest_makes_nothing_likelier(share):
     """Where a parameter is a little less all is far off (a wire that would be warm throughout): half of what is likely
     is behind that wall, and it is not mistaken for a slope that leads away from it."""
     base, free, usual = of((1.0, -2.0))
     (_, at), (_, width) = free.u, np.abs(free.axes).max(axis=1)
-    wall = 30.0 * RNG.standard_normal(N)
+    wall = 30.0 * np.random.default_rng(5).standard_normal(N)
 
     class Walled(Line):
         def residual(self, effects):
