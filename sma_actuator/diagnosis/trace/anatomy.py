@@ -42,15 +42,15 @@ def noise_percent(comparison: Comparison) -> float:
     evidence, total, number = comparison.evidence, 0.0, 0
     logs = zip(evidence.logs.experiments, comparison.predictions, evidence.logs.measured_m, strict=True)
     for experiment, p, measured_m in logs:
-        reference_m = _white(measured_m)
+        reference_m = white_noise(measured_m)
         moved = np.gradient(smooth(p.model_m, 0.05)) / _away_from_zero(np.gradient(smooth(p.resistance_Ohm, 0.05)))
         slope = np.median(np.abs(moved[np.isfinite(moved)])) if np.isfinite(moved).any() else 0.0
-        total += len(measured_m) * float(np.hypot(reference_m, slope * _white(experiment.resistance_Ohm)))
+        total += len(measured_m) * float(np.hypot(reference_m, slope * white_noise(experiment.resistance_Ohm)))
         number += len(measured_m)
     return float(np.sqrt(2.0 / np.pi) * total / number / evidence.full_stroke_m * 100)
 
 
-def _white(values: np.ndarray) -> float:
+def white_noise(values: np.ndarray) -> float:
     """Standard deviation of white noise, from second differences: what moves slowly does not count."""
     return float(1.4826 * np.median(np.abs(np.diff(values, 2)))) / np.sqrt(6.0) if len(values) > 3 else 0.0
 

@@ -36,6 +36,7 @@ from sma_actuator.logs.kinds import make_experiments
 from sma_actuator.logs.reading import add_log_arguments, find_logs, place, read_logs, reading_of
 
 from .evidence import Evidence
+from .experiments import NOTHING_TELLS
 from .isolability import as_numbers, isolability, size_in_words, tells_in_words
 from .limits import LIMITS
 from .report import explained, extended, probable, summary
@@ -292,11 +293,13 @@ def _print(console: Console, report: dict) -> None:
         console.print(f"{e['name']}: {e['what']}. {e['remedy']}")
     for a in report["alternatives"]:
         x = a["experiment"]
-        console.print(
-            f"instead of {a['instead_of']} it could be {a['name']} ({a['probability']:.0%}); "
+        told = (
             f"to tell them apart {x['what']} ({x['duration_s']:.0f} s): what the two expect of the reference "
             f"sensor then moves {x['predicted_difference_m'] * 1e3:.2f} mm apart"
+            if x
+            else NOTHING_TELLS
         )
+        console.print(f"instead of {a['instead_of']} it could be {a['name']} ({a['probability']:.0%}); {told}")
     for note in report["notes"]:
         console.print(f"note: {note}")
     for u in report["untestable"]:

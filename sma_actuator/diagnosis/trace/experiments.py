@@ -17,9 +17,11 @@ from sma_actuator.base.signals import Signals
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.estimation.effects import Effect
 
+from .anatomy import white_noise
 from .evidence import Evidence
 
 ENOUGH_percent = 2.0  #: of full stroke: a difference that nobody overlooks
+NOTHING_TELLS = "none of the experiments that were tried would tell them apart"
 _PERIOD_s = 0.1
 
 
@@ -34,9 +36,9 @@ class ProposedExperiment:
 
 def best_experiment(
     evidence: Evidence, first: Mapping[str, Effect], second: Mapping[str, Effect]
-) -> ProposedExperiment:
-    """The shortest experiment in which the two differ by ENOUGH_percent; the one where they differ most if none
-    does."""
+) -> ProposedExperiment | None:
+    """The shortest experiment in which the two differ by ENOUGH_percent; the one where they differ most if none does,
+    and none where that is less than the reference sensor's own noise."""
     chains = [after_the_session(evidence, effects) for effects in (first, second)]
     found = []
     for what, signals in experiments(evidence):
@@ -44,7 +46,9 @@ def best_experiment(
         difference_m = float(np.ptp(shown_m(evidence, chains[0], signals) - shown_m(evidence, chains[1], signals)))
         found.append(ProposedExperiment(what, float(np.ptp(signals.time_s)), difference_m))
     enough = [e for e in found if e.difference_m >= ENOUGH_percent / 100 * evidence.full_stroke_m]
-    return min(enough, key=lambda e: e.duration_s) if enough else max(found, key=lambda e: e.difference_m)
+    best = min(enough, key=lambda e: e.duration_s) if enough else max(found, key=lambda e: e.difference_m)
+    noise_m = max(white_noise(measured_m) for measured_m in evidence.logs.measured_m)
+    return best if best.difference_m > noise_m else None
 
 
 def after_the_session(evidence: Evidence, effects: Mapping[str, Effect]) -> Chain:

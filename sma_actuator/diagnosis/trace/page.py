@@ -12,6 +12,7 @@ from sma_actuator.estimation.effects import EFFECTS, QUANTITIES
 from sma_actuator.report import Page, figure
 
 from .evidence import Comparison
+from .experiments import NOTHING_TELLS
 from .isolability import size_in_words, tells_in_words
 from .quantities import quantities
 from .report import LEAST_SAID, explained
@@ -363,9 +364,11 @@ def _the_rest(page: Page, report: dict[str, Any]) -> None:
                     _words([a["instead_of"]]),
                     _words([a["name"]]),
                     f"{a['probability']:.0%}",
-                    a["experiment"]["what"],
-                    f"{a['experiment']['duration_s']:.0f} s",
-                    f"{a['experiment']['predicted_difference_m'] * _MM:.3f} mm",
+                    *(
+                        (x["what"], f"{x['duration_s']:.0f} s", f"{x['predicted_difference_m'] * _MM:.3f} mm")
+                        if (x := a["experiment"])
+                        else (NOTHING_TELLS, "", "")
+                    ),
                 )
                 for a in report["alternatives"]
             ],

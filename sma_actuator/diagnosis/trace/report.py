@@ -244,7 +244,8 @@ def _said(tracing: Tracing, names: Sequence[str], alternatives: Sequence[dict[st
         among = f"; that it is among {_listed(tracing.names)}, {tracing.probabilities.within(tracing.names):.0%}"
         text += f"{among if alternatives else ''}."
     if alternatives:
-        text += " To tell: " + "; or ".join(dict.fromkeys(a["experiment"]["what"] for a in alternatives)) + "."
+        told = dict.fromkeys(a["experiment"]["what"] for a in alternatives if a["experiment"])
+        text += f" To tell: {'; or '.join(told)}." if told else ""
     parts = dict.fromkeys(EFFECTS[n].PART for n in names)
     return " ".join([text, *(NEXT[part] for part in parts if part in NEXT), _allowed_for(names)])
 
@@ -332,7 +333,8 @@ def _alternatives(tracing: Tracing) -> list[dict[str, Any]]:
                 "what": EFFECTS[name].WORDS,
                 "instead_of": next((n for n in best.names if n not in one.names), best.names[-1]),
                 "probability": tracing.probabilities.by_name[name],
-                "experiment": {
+                "experiment": experiment
+                and {
                     "what": experiment.what,
                     "duration_s": experiment.duration_s,
                     "predicted_difference_m": experiment.difference_m,

@@ -573,6 +573,8 @@ def test_the_sentence_says_what_to_do_and_what_the_model_does_once(names, end):
     assert "that explains 80% of what is unusual" in said and " has a probability of 70%" in said
     assert f"that it is among {', '.join(names)} and {other}, 95%. To tell: rest cold for an hour." in said
     assert said.endswith(end) and said.count("model") == 1
+    untold = sentence(found, {}, [{"name": other, "experiment": None}])
+    assert "95%. " in untold and "To tell" not in untold
     found.names = list(names)
     assert "has a probability of 70%. Look at" in sentence(found, {}, [])
 
@@ -584,6 +586,13 @@ def test_the_proposed_experiment_tells_two_explanations_apart(clean):
     found = best_experiment(clean, first, second)
     assert found.difference_m > 0.01 * clean.full_stroke_m
     assert found.duration_s > 0.0
+
+
+def test_where_no_experiment_would_tell_two_explanations_apart_none_is_proposed(clean):
+    """A slip and a set by the first pulse are both over: whatever is done next, both expect the same."""
+    first = {"first_pulse_set": EFFECTS["first_pulse_set"](length=1e-4)}
+    second = {"slip": EFFECTS["slip"](length=1e-4, time=20.0)}
+    assert best_experiment(clean, first, second) is None
 
 
 def test_the_floor_is_that_of_the_place_where_the_wire_was(wire, config, clean):
