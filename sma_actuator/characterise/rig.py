@@ -17,6 +17,7 @@ from sma_actuator.estimation.circuit import signals_from_reading
 from sma_actuator.instruments import Clock, Daq, InstrumentLate, InstrumentLost, InstrumentRefused, PowerSupply
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.safety.faults import gravest
+from sma_actuator.safety.guards.program import clock_jump, loop_overrun
 from sma_actuator.safety.records import Memory, Step, made_ready
 from sma_actuator.safety.supervisor import Supervisor
 
@@ -37,6 +38,10 @@ _CHANNELS = (
     "lvdt_current_A",
     "ambient_temperature_C",
 )
+
+
+class Stalled(InstrumentRefused):
+    """This computer stood still while it should have looked, as a busy one does now and then."""
 
 
 class Rig:
@@ -235,9 +240,8 @@ class Watch:
         wrong = [fault for fault in found if fault.prevents_enabling]
         if wrong:
             fault = gravest(wrong)
-            raise InstrumentRefused(
-                f"{fault.words} ({found[fault]}). {fault.remedy}; the part is repeated when resumed"
-            )
+            kind = Stalled if fault in (clock_jump, loop_overrun) else InstrumentRefused
+            raise kind(f"{fault.words} ({found[fault]}). {fault.remedy}; the part is repeated when resumed")
 
 
 def attended(config):

@@ -16,7 +16,7 @@ from .manifest import Manifest
 from .operators import Operator
 from .parts import RUN
 from .plan import Part
-from .rig import Rig
+from .rig import Rig, Stalled
 
 BENCH_FILE = "bench.yaml"
 
@@ -60,7 +60,7 @@ def characterise(
             run = partial(RUN[part.kind], part, rig, operator, logs, partial(progress, part))
             try:
                 outcome = run()
-            except InstrumentLost as error:  # one answer in an hour; the output is off
+            except (InstrumentLost, Stalled) as error:  # one answer in an hour; the output is off
                 say(f"{error}; {part.name} begins anew")
                 rig.supply.open()
                 rig.daq.open()

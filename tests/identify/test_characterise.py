@@ -318,6 +318,27 @@ def test_a_part_in_which_an_answer_was_lost_begins_anew_by_itself_once(tmp_path)
     assert whole in manifest.data["parts"] and log["time_s"][0] == 0.0 and np.diff(log["time_s"]).max() < 0.1
 
 
+@pytest.mark.parametrize("times", [1, 2])
+def test_so_does_one_in_which_the_computer_stood_still(tmp_path, times):
+    """A busy one does now and then, in the two hours that it takes; twice in one part is no chance."""
+    bench, rig, operator = virtual_rig("flexinol")
+    plan, said, stood = make_plan(rig.config, QUICK), [], []
+
+    def progress(part, elapsed_s):
+        if part.name == "pulses_0.500N" and elapsed_s > 1.0 and len(stood) <= len(said) < times:
+            stood.append(elapsed_s)
+            bench.advance(bench.time_s + 0.8)
+
+    if times > 1:
+        with pytest.raises(InstrumentRefused, match="the part is repeated when resumed"):
+            characterise(bench_mapping("flexinol"), plan, rig, operator, tmp_path, progress, say=said.append)
+    else:
+        manifest = characterise(bench_mapping("flexinol"), plan, rig, operator, tmp_path, progress, say=said.append)
+        assert "pulses_0.500N" in manifest.data["parts"]
+        assert np.diff(read_bench_log(tmp_path / "pulses_0.500N.csv")["time_s"]).max() < 0.1
+    assert len(said) == 1 and "pulses_0.500N begins anew" in said[0] and not bench.supply.output_on
+
+
 @pytest.fixture
 def minded():
     """Signals that are ignored where these tests run under nohup or in the background are not, here."""
