@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+import sma_actuator.safety.supervisor
 from sma_actuator.base.signals import OFF, Branch, Command, Estimate, Quality, Reading, Signals, SupplyState
 from sma_actuator.config import Config
 from sma_actuator.safety.faults import FAULTS
@@ -223,6 +224,13 @@ class TestHeat:
         supervisor = make(**SMALL)
         supervisor.keep_heat(1.0, 0.4, COLD_s, AMBIENT_C)
         assert supervisor.limit_A() == BIAS_A
+
+    def test_leaves_the_bias_where_no_power_may_flow(self, make, monkeypatch):
+        """Below zero: what is stored already is too much."""
+        one = make()
+        monkeypatch.setattr(sma_actuator.safety.supervisor, "may_flow_W", lambda *_: (1.0, -0.5))
+        one.update(one.config)
+        assert one.limit_A() == BIAS_A
 
     def test_leaves_the_bias_where_the_temperature_is_not_a_number(self, make):
         supervisor = make()

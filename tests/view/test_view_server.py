@@ -2,6 +2,7 @@
 
 import asyncio
 import collections
+import errno
 import json
 import math
 import sys
@@ -22,7 +23,7 @@ from sma_actuator.cli.main import main
 from sma_actuator.config import Config, read_parameter_file
 from sma_actuator.logs.bench_log import read_bench_log
 from sma_actuator.ros.named_signals import named_signals
-from sma_actuator.view import logs
+from sma_actuator.view import logs, server
 from sma_actuator.view.server import MOST_ASKED, MOST_WAITING, Desk, TICK_s, ViewServer, _Page
 from sma_actuator.view.watched import COLUMNS, Refused
 
@@ -405,6 +406,24 @@ def test_a_page_that_comes_later_is_told_the_curves_of_the_load_there_is():
     desk.wire.rows.append(row(stress_Pa=54e6))
     asyncio.run(desk.tick())
     assert [each["curves"] for each in desk.whole_state() if "curves" in each] == [{"stress_Pa": 54e6}]
+    desk.wire.parameters_version += 1
+    asyncio.run(desk.tick())
+    assert not any("curves" in each for each in desk.whole_state()), "those of another model"
+
+
+def test_a_log_that_is_forgotten_is_given_up(monkeypatch):
+    async def work(client, server, wire):
+        given_up = []
+
+        async def give_up(self):
+            given_up.append(self)
+
+        monkeypatch.setattr(logs.LogDesk, "give_up", give_up)
+        socket = await client.ws_connect("/live", headers=headers_of(client, server))
+        assert (await asked(socket, 1, do="forget_log"))["ok"]
+        assert len(given_up) == 1
+
+    with_server(work)
 
 
 def test_the_pages_are_told_at_times_and_not_all_the_time():
@@ -454,6 +473,15 @@ class TestGainsThatAreSaved:
     def test_where_none_has_that_is_said(self, saved):
         answer, _ = saved({"controller.kp": 400.0, "controller.type": "pid"})
         assert answer["ok"] and answer["sentence"].endswith("has these gains already")
+
+    def test_where_the_disk_takes_them_not_that_is_said(self, saved, monkeypatch):
+        def full(*_):
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+        monkeypatch.setattr(server, "write_atomically", full)
+        answer, law = saved({"controller.kp": 123.0})
+        assert not answer["ok"] and answer["sentence"].endswith("not written (No space left on device)")
+        assert law.kp == 400.0
 
     def test_those_of_a_joint_are_not(self, saved):
         answer, law = saved({"controller.kp": 123.0}, angle_range_rad=(-1.0, 1.0))
