@@ -225,6 +225,11 @@ class TestHeat:
         supervisor.keep_heat(1.0, 0.4, COLD_s, AMBIENT_C)
         assert supervisor.limit_A() == BIAS_A
 
+    def test_is_reckoned_with_the_surroundings_that_are_said_live(self, make):
+        one = make()
+        one.update(one.config.replace({"thermal.ambient_temperature": 31.0}))
+        assert one.heat.transforms.then_C == 31.0
+
     def test_leaves_the_bias_where_no_power_may_flow(self, make, monkeypatch):
         """Below zero: what is stored already is too much."""
         one = make()
