@@ -411,19 +411,21 @@ def test_a_page_that_comes_later_is_told_the_curves_of_the_load_there_is():
     assert not any("curves" in each for each in desk.whole_state()), "those of another model"
 
 
-def test_a_log_that_is_forgotten_is_given_up(monkeypatch):
+def test_a_log_that_is_forgotten_is_given_up_and_so_it_is_at_the_end(monkeypatch):
+    given_up = []
+
+    async def give_up(self):
+        given_up.append(self)
+
     async def work(client, server, wire):
-        given_up = []
-
-        async def give_up(self):
-            given_up.append(self)
-
-        monkeypatch.setattr(logs.LogDesk, "give_up", give_up)
         socket = await client.ws_connect("/live", headers=headers_of(client, server))
-        assert (await asked(socket, 1, do="forget_log"))["ok"]
+        await socket.send_json({"id": 1, "do": "forget_log"})
+        assert await told(socket, "log") is None
         assert len(given_up) == 1
 
+    monkeypatch.setattr(logs.LogDesk, "give_up", give_up)
     with_server(work)
+    assert len(given_up) == 2
 
 
 def test_the_pages_are_told_at_times_and_not_all_the_time():
