@@ -140,7 +140,8 @@ def _disagrees(step: Step, names: tuple[str, str], differs: bool, however_late: 
     words="the supply does not do what it was told",
     remedy="Compare the supply's display with circuit.reference_resistance and the DAQ's channels",
     detector="measured current off the command by more than safety.current_disagreement for safety.disagreement_time, "
-    f"{HOWEVER_LATE}; also current that flows while the output is off",
+    f"{HOWEVER_LATE} (a command that swings through the current that flows hides it for as long); also current that "
+    "flows while the output is off",
     within=DISAGREES + THREE_STEPS,
     action=Action.OFF,
     latches=True,
