@@ -147,6 +147,8 @@ def has_other_voltages(rig: Rig) -> None:
 
 
 def has_a_load_cell_that_dies(rig: Rig) -> None:
+    """A weight's, as the wire has shown by moving."""
+    contracts(rig)
     rig.run(16.0)
     last, dither = rig.output.reading.load_cell_voltage_V, itertools.cycle((1e-7, 3e-7, -4e-7))
     lie(rig, load_cell_voltage_V=lambda reading: last + next(dither))

@@ -199,7 +199,7 @@ def readings_repeat(step: Step) -> str:
     "clear the fault, and what is usual is seen anew; safety.least_noise 0 leaves noise out",
     detector="of the load cell's channel, once this run has shown what is usual: values repeat as in "
     f"readings_repeat; or its noise is less than safety.least_noise of the least so far over {WINDOW} readings with "
-    "the same command, or of a weight; or "
+    f"the same command, or of a load that stayed while the wire moved by {100 * SWING:g} % of the full stroke; or "
     f"two motions running, to and fro, by {100 * SWING:g} % of the full stroke or more with less than "
     f"{100 * FOLLOWS:g} % of the change of load that belonged to such motions so far, as on a spring. Or, where "
     "fitted, the displacement sensor contradicts the position (as in position_contradicted) since the load changed by "
