@@ -7,7 +7,8 @@ from scipy.special import log_ndtr, ndtri_exp
 
 LEAST = 1e-12  #: share beyond its bounds from which one is no bound
 POINTS = 128  #: of the lattice over which bounds that depend on each other are integrated
-PRIMES = 2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0  #: whose roots make the lattice
+#: Whose roots make the lattice; of more bounds than these a few go together on it.
+PRIMES = 2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0, 31.0, 37.0, 41.0, 43.0, 47.0, 53.0
 
 
 def log_share_within(mean: np.ndarray, covariance: np.ndarray, low: np.ndarray, high: np.ndarray) -> float:
@@ -24,7 +25,7 @@ def log_share_within(mean: np.ndarray, covariance: np.ndarray, low: np.ndarray, 
         return float(np.sum(one_by_one[bound]))
     root = np.linalg.cholesky(covariance[np.ix_(bound, bound)])
     shares, at = np.zeros(POINTS), np.zeros((len(bound), POINTS))
-    lattice = (np.sqrt(PRIMES)[: len(bound), None] * np.arange(1, POINTS + 1)) % 1.0
+    lattice = (np.sqrt(np.resize(PRIMES, len(bound)))[:, None] * np.arange(1, POINTS + 1)) % 1.0
     for i, k in enumerate(bound):
         centre = mean[k] + root[i, :i] @ at[:i]
         below, above = (low[k] - centre) / root[i, i], (high[k] - centre) / root[i, i]

@@ -36,3 +36,9 @@ def test_of_independent_ones_it_is_the_product_however_far_beyond():
     mean, low, high = np.array([-20.0, -3.0, 0.5]), np.zeros(3), np.full(3, 9.0)
     share = log_share_within(mean, np.eye(3), low, high)
     assert share == pytest.approx(np.sum(log_share_between(low - mean, high - mean)), abs=1e-9)
+
+
+@pytest.mark.parametrize("of", [8, 9, 40])
+def test_there_may_be_as_many_as_there_are_slips_in_ten_logs(of):
+    share = log_share_within(np.zeros(of), np.eye(of), np.zeros(of), np.full(of, np.inf))
+    assert share == pytest.approx(of * math.log(0.5), abs=1e-9)
