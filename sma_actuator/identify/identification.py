@@ -234,11 +234,10 @@ def _refuse_contraction(experiments: Sequence[Experiment], length_m: float, say:
     All logs are of one sensor: what those say in which it moved more counts, and of others ``say`` is told.  A log in
     which a wire was held back from contracting says nothing: it expands with its heat.
     """
-    moved_m = {id(t): float(np.ptp(t.displacement_m[np.isfinite(t.displacement_m)])) for t in experiments}
     turned = [
         t
         for t in experiments
-        if moved_m[id(t)] > EXPANDS * length_m
+        if _moved_m(t) > EXPANDS * length_m
         and counts_contraction(t.resistance_Ohm, t.signals.current_A, t.displacement_m)
     ]
     if not turned:
@@ -246,7 +245,7 @@ def _refuse_contraction(experiments: Sequence[Experiment], length_m: float, say:
     sources = dict.fromkeys(t.part_of or t.log.source for t in turned)
     names = ", ".join(sources) if len(turned) < len(experiments) or len(sources) == 1 else f"all {len(sources)} logs"
     grows = f"{names}: the displacement grows while the wire is heated"
-    if 2.0 * sum(moved_m[id(t)] for t in turned) < sum(moved_m.values()):
+    if 2.0 * sum(map(_moved_m, turned)) < sum(map(_moved_m, experiments)):
         say(f"{grows}, in the others it falls: held back by the heat limit, or of a sensor that is turned")
         return
     how = (
@@ -258,6 +257,12 @@ def _refuse_contraction(experiments: Sequence[Experiment], length_m: float, say:
         f"{grows}, so it counts contraction, and extension is positive here; a node with a model of it would go to "
         f"full current. {how[0].upper()}{how[1:]}"
     )
+
+
+def _moved_m(experiment: Experiment) -> float:
+    """Between which places the wire was; 0 where none was measured."""
+    known_m = experiment.displacement_m[np.isfinite(experiment.displacement_m)]
+    return float(np.ptp(known_m)) if len(known_m) else 0.0
 
 
 def _within_what_is_seen(mapping: dict[str, Any], experiments: Sequence[Experiment]) -> list[str]:

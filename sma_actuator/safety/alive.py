@@ -158,10 +158,8 @@ class Following:
             min(low_N, load_N),
             max(high_N, load_N),
         )
-        self._within, self.carries = (
-            (low_m, high_m, low_N, high_N),
-            high_m - low_m >= swing_m and high_N - low_N <= noise_N,
-        )
+        self._within = low_m, high_m, low_N, high_N
+        self.carries = high_m - low_m >= swing_m and high_N - low_N <= noise_N
         if not isfinite(self._from[0]):
             self._from = self._to = (place_m, load_N)
         way_m = self._to[0] - self._from[0]

@@ -2,6 +2,7 @@
 end."""
 
 import copy
+import dataclasses
 
 import numpy as np
 import pytest
@@ -14,7 +15,9 @@ from sma_actuator.cli.main import main
 from sma_actuator.config import Config, read_parameter_file
 from sma_actuator.estimation.lag import lagged
 from sma_actuator.identify import IdentificationError, identify
+from sma_actuator.identify.identification import _refuse_contraction as refuse_contraction
 from sma_actuator.logs.bench_log import BenchLog, signals_from_log, write_bench_log
+from sma_actuator.logs.kinds import make_experiments
 from sma_actuator.logs.sense import log_counts_contraction
 from sma_actuator.plant.loads import Weight
 
@@ -157,3 +160,12 @@ def test_of_one_sensor_what_most_logs_say_counts_and_of_the_others_it_is_told(fl
     assert any("grows while the wire is heated, in the others it falls" in sentence for sentence in said)
     with pytest.raises(IdentificationError, match="counts contraction"):
         identify([turned], flexinol.mapping, "flexinol")
+
+
+def test_a_stretch_in_which_no_displacement_was_measured_says_nothing_of_its_sense(flexinol):
+    """A sensor that fell off while one weight of a log hung there."""
+    config = Config.load(shared_file("config/flexinol.yaml"))
+    *_, last = make_experiments(flexinol.only("pulses"), config)
+    signals = dataclasses.replace(last.signals, reference_displacement_m=np.full(len(last.displacement_m), np.nan))
+    blind = dataclasses.replace(last, signals=signals)
+    refuse_contraction([last, blind], config.wire.strain_length_m, pytest.fail)
