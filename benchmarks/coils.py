@@ -1,8 +1,10 @@
-"""A coil or a bundle driven by the model that `identify` found: what is asked for, what came of it, in virtual time.
+r"""A coil or a bundle driven by the model that `identify` found: what is asked for, what came of it, in virtual time.
 
-    sma-actuator characterise --virtual coil --training-cycles 2 --skip fatigue --skip load_cell --skip lvdt
-    --out out/coil sma-actuator identify out/coil/{pulses,partial,levels}_*.csv --model whole_range --config
-    out/coil/bench.yaml --out out/coil.yaml python benchmarks/coils.py out/coil.yaml --wire coil
+    sma-actuator characterise --virtual coil --training-cycles 2 --skip fatigue --skip load_cell --skip lvdt \
+        --out out/coil
+    sma-actuator identify out/coil/p*.csv out/coil/levels_*.csv --model whole_range --config out/coil/bench.yaml \
+        --out out/coil.yaml
+    python benchmarks/coils.py out/coil.yaml --wire coil
 
 The same driver, actuator and supervisor as in the node.  Positions over 85 % of the stroke that the wire truly has
 under each load: held for four time constants of the wire each, then a sine of sixteen a period.

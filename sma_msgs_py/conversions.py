@@ -162,6 +162,8 @@ def trajectory_from(message: JointTrajectory, joint_name: str) -> tuple[list[flo
     each, needs none.  Raises ValueError with a sentence where it cannot be told which.
     """
     names = list(message.joint_names)
+    if names.count(joint_name) > 1:
+        raise ValueError(f"trajectory refused: it names {joint_name} more than once")
     if joint_name in names:
         column = names.index(joint_name)
     elif len(names) == 0 or names == [""]:

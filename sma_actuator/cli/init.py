@@ -274,7 +274,9 @@ def run(args: argparse.Namespace) -> int:
     mapping = read_parameter_file(args.start) if args.start else {}
     answers = _answers(args)
     if "wire.length" in answers and _get(mapping, "wire.form") is None:  # who says the size says the form too
-        answers.setdefault("wire.form", "wire")
+        answers.setdefault(
+            "wire.form", "coil" if "wire.coil_diameter" in answers else "bundle" if "wire.wires" in answers else "wire"
+        )
     asked = {question.name for question in QUESTIONS}
     for name in [name for name in answers if name not in asked]:
         _put(mapping, name, _value(name, answers.pop(name)))
@@ -319,6 +321,8 @@ def _asked(mapping: dict[str, Any], answers: Mapping[str, Any], start: Path | No
         if question.of and question.of not in asked and question.name not in answers:
             continue
         stands = _get(mapping, question.name)
+        if question.name in asked:
+            continue
         if stands is not None and answers.get(question.name) not in (None, "", []):
             _put(mapping, question.name, value := _answer(question, asking))
             if value != stands:

@@ -110,6 +110,17 @@ def test_a_coil_or_a_bundle_gets_limits_of_its_own(tmp_path, capsys, form, load_
     assert settled_C == pytest.approx(bench.thermal.derate_temperature, abs=8.0)
 
 
+@pytest.mark.parametrize(
+    ("answers", "form"), [({"wire.coil_diameter": "1.5mm"}, "coil"), ({"wire.wires": "3"}, "bundle"), ({}, "wire")]
+)
+def test_who_says_the_size_says_the_form(tmp_path, answers, form):
+    out = tmp_path / "bench.yaml"
+    known = ANSWERS | {"wire.connection": "series"} | answers
+    del known["wire.form"]
+    assert main(["init", "--out", str(out), *(w for n, a in known.items() for w in ("--set", f"{n}={a}"))]) == 0
+    assert read_parameter_file(out)["wire"]["form"] == form
+
+
 def test_numbers_may_have_a_unit_enter_takes_the_usual_and_a_question_mark_explains(tmp_path):
     out = tmp_path / "bench.yaml"
     typed = {

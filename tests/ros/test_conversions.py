@@ -130,6 +130,7 @@ def test_a_stamp_is_the_start_and_none_is_now():
         (["arm", "wire"], [[1.0]], "point 0 has 1 positions for 2 joints"),
         ([], [[1.0, 2.0]], "point 0 has 2 positions for 1 joint"),
         (["wire"], [[1.0], []], "point 1 has 0 positions"),
+        (["wire", "wire"], [[1.0, 2.0]], "it names wire more than once"),
     ],
 )
 def test_a_trajectory_that_is_not_for_this_joint_is_refused_in_a_sentence(names, points, sentence):
