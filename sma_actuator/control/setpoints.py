@@ -85,7 +85,8 @@ class Trajectory:
                 raise ValueError(f"trajectory point {i}: its position, {position}, is not finite")
             if not -POSITION_BOUND_m <= position <= POSITION_BOUND_m:
                 raise ValueError(
-                    f"trajectory point {i}: its position, {position:g} m, is no position of a wire; metres are wanted"
+                    f"trajectory point {i}: its position, {position:g}, is none of a wire or joint; metres are wanted, "
+                    f"of a joint radians"
                 )
             if time < 0.0:
                 raise ValueError(
@@ -154,7 +155,8 @@ def _checked_velocities(velocities_m_s: Sequence[float], points: int) -> tuple[f
     for i, velocity in enumerate(velocities):
         if not abs(velocity) <= _FASTEST_m_s:
             raise ValueError(
-                f"trajectory point {i}: its velocity, {velocity:g} m/s, is none of a wire; metres per second are wanted"
+                f"trajectory point {i}: its velocity, {velocity:g}, is none of a wire or joint; metres per second are "
+                f"wanted, of a joint radians"
             )
     return velocities
 

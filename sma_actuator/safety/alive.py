@@ -126,7 +126,8 @@ class Following:
     """What the load does when the wire moves, from one turn of the motion to the next.
 
     A load that changes by more than the wire's motion can make it is another load: what a load does is seen anew.  One
-    whose cell has died does not change any more.
+    whose cell has died does not change any more.  One that another wire pulls on, as on a joint, never does the same
+    three times.
     """
 
     _from: tuple[float, float] = (nan, nan)  #: place and load where this motion began
@@ -138,7 +139,7 @@ class Following:
     #: Between which places and loads it has been since it was another load.
     _within: tuple[float, float, float, float] = _NOWHERE
     carries: bool = False  #: the wire has moved, and the load has not changed: it is a weight
-    changed: bool = False  #: with the last reading: it does not do what it did
+    changed: bool = False  #: with the last reading: it does not do what three motions have shown
 
     def step(self, place_m: float, load_N: float, swing_m: float, noise_N: float) -> str:
         """At the end of a motion, how the load has not followed it and the one before; else ""."""
@@ -148,7 +149,8 @@ class Following:
             return ""
         self._lately.append((place_m, load_N))
         if self._is_another(swing_m, noise_N):
-            self.changed, self._stiffness, self._stood, self._within = True, [], [], _NOWHERE
+            self.changed = isfinite(self.stiffness_N_m)  # else nobody knows yet what it does
+            self._stiffness, self._stood, self._within = [], [], _NOWHERE
             self._lately.clear()
             self.pause()
         low_m, high_m, low_N, high_N = self._within

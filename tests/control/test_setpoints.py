@@ -71,7 +71,7 @@ class TestTrajectory:
             ([0.0, 1.0], [0.001], "2 times but 1 positions"),
             ([0.0, math.nan], [0.001, 0.002], "point 1: its time, nan, is not finite"),
             ([0.0, 1.0], [0.001, math.inf], "point 1: its position, inf, is not finite"),
-            ([0.0, 1.0], [0.001, 1e300], "point 1: its position, 1e.300 m"),
+            ([0.0, 1.0], [0.001, 1e300], "point 1: its position, 1e.300, is none of a wire or joint"),
             ([-1.0, 1.0], [0.001, 0.002], "point 0: its time, -1 s, is before the start"),
             ([0.0, 2.0, 2.0], [0.001, 0.002, 0.003], "point 2: its time, 2 s, is not after that of point 1"),
             ([0.0, 2.0, 1.0], [0.001, 0.002, 0.003], "point 2: its time, 1 s, is not after that of point 1"),
@@ -123,7 +123,10 @@ class TestVelocities:
 
     @pytest.mark.parametrize(
         ("velocities_m_s", "sentence"),
-        [([0.0], "1 velocities for 2 points"), ([0.0, float("nan")], "point 1: its velocity, nan m/s")],
+        [
+            ([0.0], "1 velocities for 2 points"),
+            ([0.0, float("nan")], "point 1: its velocity, nan, is none of a wire or joint"),
+        ],
     )
     def test_others_are_refused_in_a_sentence(self, velocities_m_s, sentence):
         with pytest.raises(ValueError, match=sentence):

@@ -97,6 +97,15 @@ def test_angle_and_co_contraction_are_reached_and_no_tension_comes_to_its_limit(
     assert rig.highest_N < rig.parameters.tension_limit
 
 
+def test_no_load_of_a_joint_that_swings_is_called_dead(rig):
+    """Each pulls at the other, and in quick partial cycles the thesis's model is a tenth of the stroke off."""
+    began_s = rig.stand.benches[0].time_s
+    while (time_s := rig.stand.benches[0].time_s - began_s) < 120.0:
+        rig.pair.command(0.25 * math.sin(2.0 * math.pi * time_s / 12.0), 0.8)
+        status = rig.run(0.05).status
+        assert status.fault in ("", "position_contradicted"), status.message
+
+
 def test_a_commander_that_falls_silent_is_lost_and_the_joint_held_where_it_is():
     rig = Rig(joint_command_timeout=0.5, angle_rate_limit=0.1)
     rig.run(0.5)

@@ -392,6 +392,14 @@ class TestWhatIsSuspect:
         wire.swing(-200.0, -200.0)
         assert not self.alive.is_suspect(True)
 
+    def test_not_one_that_another_wire_pulls_on(self):
+        """No three motions of it were alike, so nobody knows what would be a change."""
+        wire, alive = Swung(), LoadAlive()
+        alive.following = wire.following
+        wire.swing(-300.0, -100.0, -300.0, -100.0)
+        self.change(wire)
+        assert not alive.is_suspect(False)
+
     @pytest.mark.parametrize(("before", "now", "suspect"), [(False, True, True), (True, False, False)])
     def test_not_where_the_sensor_contradicted_before(self, wire, before, now, suspect):
         self.alive.is_suspect(before)

@@ -202,8 +202,8 @@ def readings_repeat(step: Step) -> str:
     f"the same command, or of a load that stayed while the wire moved by {100 * SWING:g} % of the full stroke; or "
     f"two motions running, to and fro, by {100 * SWING:g} % of the full stroke or more with less than "
     f"{100 * FOLLOWS:g} % of the change of load that belonged to such motions so far, as on a spring. Or, where "
-    "fitted, the displacement sensor contradicts the position (as in position_contradicted) since the load changed by "
-    "itself, before three motions have shown what that load does",
+    "fitted, the displacement sensor contradicts the position (as in position_contradicted) since a load that three "
+    "motions had shown changed by itself, before three have shown what the new one does",
     within=longest((WINDOW + 10) / RATE, APART_s + TWO_STEPS),
     action=Action.OFF,
     latches=True,
