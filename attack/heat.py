@@ -1,10 +1,11 @@
 """Heat: the two promises of the limits that `sma-actuator init` writes, side by side, in every physics of the bench.
 
 How hot a wire becomes that loses half the heat that it should: from the start, driven with all the current that the
-limits leave, through moves, through restarts, also with a thinner wire in the place of the calibrated one, with a
-sensor of the surroundings that reads too cold, and by ``characterise``; and suddenly, while it is held hot (a cover is
-put over it).  The guard that tells a wrong heat loss from how the wire cools is blind here: what holds has to hold
-before anybody can know.  The judge looks at the hottest place of the wire, by the bench's truth.
+limits leave, through moves, through restarts, also with another wire in the place of the calibrated one, a thinner one
+or one that shows as much cold, with a sensor of the surroundings that reads too cold, and by ``characterise``; and
+suddenly, while it is held hot (a cover is put over it).  The guard that tells a wrong heat loss from how the wire cools
+is blind here: what holds has to hold before anybody can know.  The judge looks at the hottest place of the wire, by the
+bench's truth.
 
 And how far a wire contracts that loses what it should, under a light, a middle and the largest load, and what of that
 is held for ten minutes, half a minute after it was asked for: in % of its stroke, from the cold to where it is
@@ -19,6 +20,8 @@ import itertools
 import math
 from collections.abc import Callable
 from typing import Any
+
+import numpy as np
 
 from sma_actuator.base.share import shared_file
 from sma_actuator.base.signals import Reading
@@ -54,7 +57,9 @@ STRESSES = {"a light load": 0.1, "a middle load": 0.4, "the largest load": 0.99}
 ASKED, WANTED, BACK = 0.985, 0.98, 0.001  #: shares of the stroke
 #: Heated for half a minute: a wire that must be hot shows by then what heat it loses (safety.thermal.shown_loss_W_K).
 HOLD_s, SOON_s = 630.0, 30.0
-BEGUN_s = 30.0  #: so long before the driver began: one that has just begun does not know that a wire is cold
+BEGUN_s = (
+    30.0  #: so long the driver has run before it is heated: one that has just begun does not know that a wire is cold
+)
 #: Sections that `init` derives, and what is asked for.
 _DERIVED = ("supply", "thermal", "controller", "estimator", "safety")
 
@@ -128,15 +133,16 @@ class Heating:
 
     def driven(self, load: Load, seconds: float, way: str) -> float:
         """Hottest place [°C] of a wire that the driver drives in a way: "held" at all the current there is, also
-        "covered", "begun anew" again and again, so with a "thinner" wire, or in a "warm room" whose sensor reads too
-        cold; or moved along a "sine" or "steps"."""
+        "covered", "begun anew" again and again, so with a "thinner" wire, rested and, though of another physics, "as
+        resistant cold" as the calibrated one, or in a "warm room" whose sensor reads too cold; or moved along a "sine"
+        or "steps"."""
         config = self.config
         if way == "warm room":
             config = config.replace({"thermal.ambient_temperature": WARM_C})
         if way not in ("sine", "steps"):
             config = with_law(config, AllThereIs(config.controller, config.supply.bias_current))
         ambient_C = WARM_C if way == "warm room" else AMBIENT_C
-        thinner = THINNER if way == "thinner" else 1.0
+        thinner = THINNER if way == "thinner" else self._as_resistant(load) if way == "as resistant cold" else 1.0
         bench = self._bench(load, 1.0 if way == "covered" else self.heat_loss, ambient_C, thinner)
         if way == "covered":
             bench.inject("draught", self.heat_loss, at_s=bench.time_s + 0.5 * seconds)
@@ -150,7 +156,7 @@ class Heating:
         while bench.time_s < end_s:
             daq = (TooCold if way == "warm room" else InProcessDaq)(bench, config)
             driver = Driver(config, InProcessSupply(bench, config), daq, VirtualClock(bench), look)
-            driver.run_for(0.2)
+            driver.run_for(BEGUN_s if way == "as resistant cold" else 0.2)
             until_s = min(bench.time_s + last_s, end_s)
             while bench.time_s < until_s:
                 driver.clear_fault()
@@ -248,7 +254,8 @@ class Heating:
     def run(self) -> Result:
         """Every way, judged."""
         ways = (("held", HELD_s), ("sine", MOVED_s), ("steps", MOVED_s), ("covered", 2.0 * HELD_s))
-        ways = (*ways, ("begun anew", HELD_s), ("thinner", HELD_s), ("warm room", HELD_s))
+        ways = (*ways, ("begun anew", HELD_s), ("thinner", HELD_s), ("as resistant cold", BEGUN_s + HELD_s))
+        ways = (*ways, ("warm room", HELD_s))
         for load, (way, seconds) in itertools.product(LOADS, ways):
             self.judge(way, self.driven(load, seconds, way))
         self.judge("characterise", self.characterised())
@@ -277,6 +284,15 @@ class Heating:
     def _broken(self, rule: str, detail: str) -> None:
         detail = f"{self.wire} in {self.physics}: {detail}"
         self.result.violations.append(Violation(rule, detail, f"python -m attack heat --only {self.unit}"))
+
+    def _as_resistant(self, load: Load) -> float:
+        """How much thinner a wire of this physics is that shows cold under a load what the calibrated one does."""
+        rest, thinner = self.config.calibration.rest, 1.0
+        for _ in range(3):  # its stress goes with it
+            cold = self._bench(load, 1.0, thinner=thinner).truth
+            shown_Ohm = np.interp(cold.load_N / self.config.wire.area_m2, rest.cold_stress, rest.cold_resistance)
+            thinner *= math.sqrt(cold.resistance_Ohm / shown_Ohm)
+        return thinner
 
     def _bench(self, load: Load, heat_loss: float, ambient_C: float = AMBIENT_C, thinner: float = 1.0) -> VirtualBench:
         named = VirtualBench.from_name(self.wire, seed=1, load=load, physics=self.physics, ambient_C=ambient_C)
