@@ -66,7 +66,7 @@ class Following:
         self._ends = Ends(config, chain.displacement_range_m, chain.knows_the_ends)
         self.short_m, self.long_m = chain.displacement_range_m  #: where it can be held at its load and limits
         self._beyond = ""  #: at which end the setpoint is held
-        self._places = Places(config.calibration)
+        self._places = Places(config.calibration, config.wire.full_stroke_m)
         self._reach = Reach(config.wire.full_stroke_m, config.thermal.balance)
         self._controlled_s = nan  #: when the law was last stepped
 
@@ -178,6 +178,7 @@ class Following:
             load_N=seen.signals.load_N,
             heat=self._places.needed(
                 seen.estimate.displacement_m,
+                seen.estimate.uncertainty_m,
                 seen.signals.stress_Pa,
                 supervisor.heat.ambient.temperature_C,
                 self.config.thermal.heat_loss,

@@ -6,8 +6,8 @@ to be: the controller backs off to the side from which it came and where it coul
 
 A limit that the driver itself has lowered is not all that can help, and a wire that only warms up is not at its end:
 what counts is all the current that the parameters allow, in a wire that is warm from it, or so much heat that by its
-calibration the wire would long be further.  And what was concluded is tried again: for a setpoint that is new at once,
-for one that stands after a while, which doubles as long as it is in vain.
+calibration the wire would long be clearly further.  And what was concluded is tried again: for a setpoint that is new
+at once, for one that stands after a while, which doubles as long as it is in vain.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ MOTION = 0.01
 BACK_OFF = 0.02
 #: Share of its final temperature above which a wire counts as warm as its power makes it; below, motion may still come.
 WARM = 0.9
-#: So much hotter than a heating wire of this stress is where it seems to be, and no motion will come any more: five
+#: So much hotter than a heating wire of this stress is clearly further, and no motion will come any more: five
 #: times what passages through the transformation scatter by.
 BEYOND_K = 10.0
-#: Share of the full stroke from the setpoint, and time without motion in the wire's thermal time constants, from which
-#: on a wire that the heat limit holds back is tried anew from colder.
+#: Share of the full stroke that is clearly further; so far from the setpoint, and so long without motion, in the wire's
+#: thermal time constants, a wire that the heat limit holds back is tried anew from colder.
 FAR, HELD_BACK_TIMES = 0.05, 2.0
 #: Times running that backing off may be in vain.
 TRIES = 5
@@ -48,7 +48,7 @@ class Needed(NamedTuple):
     """What heat a wire takes to be where it seems to be."""
 
     share: float  #: of the stroke at its stress, 0 contracted
-    there_W: float  #: would hold it at the temperature that a heating wire has there
+    there_W: float  #: would hold it at the temperature that a heating wire has clearly further
     beyond_W: float  #: and so much more would hold it :data:`BEYOND_K` hotter
     latent_W: float  #: the same for the rise that the latent heat of the whole stroke would make
 
@@ -56,19 +56,30 @@ class Needed(NamedTuple):
 class Places:
     """Where in its stroke a wire is, and how hot a heating one is there, by its calibration."""
 
-    def __init__(self, calibration: Calibration):
+    def __init__(self, calibration: Calibration, full_stroke_m: float):
         self._row: Floats | None = None  #: it does not say
+        self._far_m = FAR * full_stroke_m
         if calibration.transformation_known:
             power = calibration.power
             self._latent_K, self._shift_K_Pa = power.latent_rise, power.transformation_shift[1]
             self._row = row_of(*calibration.ends, power.heating)
 
-    def needed(self, position_m: float, stress_Pa: float, ambient_C: float, loss_W_K: float) -> Needed | None:
-        """What heat the wire takes to be at a position; None where the calibration does not say."""
+    def needed(
+        self, position_m: float, unsure_m: float, stress_Pa: float, ambient_C: float, loss_W_K: float
+    ) -> Needed | None:
+        """What heat the wire takes to be clearly further than at a position that may be off by ``unsure_m``, NaN where
+        nobody knows; None where the calibration does not say.
+
+        An intermediate phase moves a wire by a little long before it contracts: hotter than a heating one is at this
+        very place says nothing.
+        """
         if self._row is None:
             return None
-        share, heating_C = share_and_heating_C(self._row, position_m, stress_Pa, self._shift_K_Pa)
-        return Needed(share, loss_W_K * (heating_C - ambient_C), loss_W_K * BEYOND_K, loss_W_K * self._latent_K)
+        share, _ = share_and_heating_C(self._row, position_m, stress_Pa, self._shift_K_Pa)
+        further_m = position_m - max(self._far_m, unsure_m)
+        _, heating_C = share_and_heating_C(self._row, further_m, stress_Pa, self._shift_K_Pa)
+        there_W = loss_W_K * (heating_C - ambient_C)
+        return Needed(share, there_W, loss_W_K * BEYOND_K, loss_W_K * self._latent_K)
 
 
 class Reach:

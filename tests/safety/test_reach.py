@@ -265,17 +265,33 @@ class TestPlaces:
 
     @pytest.mark.parametrize(
         ("position_m", "stress_Pa", "share", "heating_C"),
-        [(1e-3, 1e8, 0.25, 85.0), (2.75e-3, 1.5e8, 0.5, 85.0), (5e-3, 2e8, 1.0, 80.0), (5e-3, 1e8, 1.25, 70.0)],
+        # A twentieth of the full stroke is 0.2 mm: of 4, 3.5, 3 and 4 mm at that load, and 20 K are the whole.
+        [
+            (1e-3, 1e8, 0.25, 85.0 + 20.0 * 0.2 / 4.0),
+            (2.75e-3, 1.5e8, 0.5, 85.0 + 20.0 * 0.2 / 3.5),
+            (5e-3, 2e8, 1.0, 80.0 + 20.0 * 0.2 / 3.0),
+            (5e-3, 1e8, 1.25, 70.0),
+        ],
     )
-    def test_say_what_heat_a_heating_wire_takes_to_be_at_its_share_of_the_stroke(
+    def test_say_what_heat_a_heating_wire_takes_to_be_clearly_further(
         self, calibration, position_m, stress_Pa, share, heating_C
     ):
-        needed = Places(calibration).needed(position_m, stress_Pa, 25.0, 0.01)
+        needed = Places(calibration, STROKE_m).needed(position_m, math.nan, stress_Pa, 25.0, 0.01)
         assert needed == pytest.approx((share, 0.01 * (heating_C - 25.0), 0.01 * BEYOND_K, 0.2))
+
+    def test_a_place_that_is_not_known_well_wants_more(self, calibration):
+        sure, unsure = (Places(calibration, STROKE_m).needed(3e-3, each_m, 1e8, 25.0, 0.01) for each_m in (1e-5, 2e-3))
+        assert sure.there_W == pytest.approx(0.01 * (76.0 - 25.0))
+        assert unsure.there_W == pytest.approx(0.01 * (85.0 - 25.0))
+
+    def test_a_wire_that_an_intermediate_phase_has_moved_by_a_little_need_not_be_further(self, calibration):
+        power = replace(calibration.power, transformation_heating=(110.0, *(105.0,) * 19, 60.0))
+        needed = Places(replace(calibration, power=power), STROKE_m).needed(4e-3, 1e-5, 1e8, 25.0, 0.01)
+        assert needed.there_W == pytest.approx(0.01 * (115.0 - 25.0))
 
     def test_say_nothing_without_temperatures_or_ends(self, calibration):
         for other in (Calibration(), replace(calibration, power=PowerSection())):
-            assert Places(other).needed(1e-3, 1e8, 25.0, 0.01) is None
+            assert Places(other, STROKE_m).needed(1e-3, 1e-5, 1e8, 25.0, 0.01) is None
 
 
 LITTLE = {"power_W": 0.4, "at_max": False}
