@@ -74,7 +74,8 @@ class Limits:
     )
     louder: tuple[float, ...] = parameter(
         (2.0, 4.0, 8.0),
-        "how many times as far off as usual readings may be that go with nothing, each as likely",
+        "how many times as far off as usual readings may be that go with nothing, or all that one other witness shows, "
+        "each as likely",
         "times",
         1.0,
     )

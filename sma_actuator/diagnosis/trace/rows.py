@@ -24,6 +24,7 @@ from .likeliest import likeliest
 from .limits import LIMITS
 from .problem import Likeliest
 from .smooth_errors import SmoothErrors
+from .witnesses import Residual
 
 NOTHING, SOMETHING_ELSE = "nothing", "something else"
 GOES_WITH_NOTHING = "nothing that was looked at"
@@ -101,12 +102,14 @@ class Rows:
         """What something else may go with, and the covariances that it may have."""
         if self.smooth is None:
             raise ValueError("without smooth errors there is nothing that something else could be")
-        for what, columns in self.smooth.new.items():
-            yield what, [self._covariance(size * columns) for size in LIMITS.larger]
         counts = self.smooth.weight**2
-        of_sample = np.arange(len(counts)) < self.evidence.rows_of_samples
-        louder = [(np.where(of_sample, times, 1.0), counts) for times in LIMITS.louder]
-        yield GOES_WITH_NOTHING, [self._covariance(alone=alone) for alone in louder]
+        louder = {
+            name: [self._covariance(alone=(np.where(rows, times, 1.0), counts)) for times in LIMITS.louder]
+            for name, rows in self.evidence.rows_by_witness().items()
+        }
+        for what, columns in self.smooth.new.items():
+            yield what, [self._covariance(size * columns) for size in LIMITS.larger] + louder.get(what, [])
+        yield GOES_WITH_NOTHING, louder[Residual.names[0]]
 
     def of(self, found: Likeliest, shares: Sequence[float]) -> tuple[float, Covariance]:
         """Logarithm of the evidence of some effects whose form is off by one of these shares of what they move, each as

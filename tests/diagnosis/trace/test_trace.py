@@ -164,6 +164,15 @@ def test_what_has_no_name_stays_without(wire, config, hidden, by_its_form, witho
     assert f"By its form it goes with {_words(max(goes_with, key=goes_with.__getitem__))} (" in said
 
 
+def test_a_name_that_leaves_one_witness_far_off_is_not_given(wire, config):
+    """A load cell that is not straight is a gain to all but a spring, whose line it bends."""
+    evidence = Evidence(session(wire[0], {"load_cell_nonlinearity": -0.2}, load=Spring(300.0, 0.5), logs=1), config)
+    found = trace(evidence, without=all_but("load_cell_gain", "load_cell_drift", "reference_gain", "slip"), jobs=1)
+    assert found.verdict == "unexplained" and found.names == []
+    goes_with = found.hypotheses[SOMETHING_ELSE,].goes_with
+    assert max(goes_with, key=goes_with.__getitem__) == "load against displacement"
+
+
 @pytest.mark.long
 def test_an_effect_with_which_the_model_is_worse_than_without_is_none(wire, config):
     """Errors that are usual together are cheap, so a lead may seem likely that makes all errors larger."""
