@@ -288,6 +288,21 @@ def test_a_live_bound_of_the_flood_counts_from_then_on(rig):
     assert refused[0] is False and sum(refused) >= 39
 
 
+@pytest.mark.parametrize("ended_by", ["cancelling", "holding"])
+def test_no_flood_keeps_a_motion_from_being_ended(rig, ended_by):
+    rig.enable()
+    assert rig.actuator.offer_trajectory(rig.now_s, [20.0], [0.001]) == ""
+    rig.run(2.0)
+    while not rig.actuator.offer_joint_command(rig.now_s, math.nan):  # as ros2_control sends them without a controller
+        pass
+    refusal = (
+        rig.actuator.offer_trajectory(rig.now_s, [], []) if ended_by == "cancelling" else rig.actuator.hold(rig.now_s)
+    )
+    assert refusal == ""
+    rig.run(0.2)
+    assert rig.status.mode is Mode.HOLD
+
+
 def test_a_wire_that_nobody_has_looked_at_counts_as_hot_and_cools_to_its_surroundings(config):
     actuator = Actuator(config)
     temperatures_C = [actuator.step(0.05 * n, None, None).status.values["temperature_C"] for n in range(400)]

@@ -159,7 +159,7 @@ class Actuator:
 
     def hold(self, now_s: float) -> str:
         """End the motion where the wire is measured to be; "" or the sentence why that was refused."""
-        refusal = self._offered.refusal(now_s)
+        refusal = self._offered.not_driven
         if not refusal:
             self._commanding.stop()
         return refusal

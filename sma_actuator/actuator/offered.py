@@ -73,12 +73,12 @@ class Offered:
     ) -> str:
         """Take a trajectory from where the ``reference_m`` has come, or the end of one there; "" or why it was
         refused."""
-        refusal = self.refusal(now_s)
-        if refusal:
+        if not len(times_s):  # no flood keeps a wire from coming to rest
+            if not self.not_driven:
+                self._commanding.cancel(reference_m)
+            return self.not_driven
+        if refusal := self.refusal(now_s):
             return refusal
-        if not len(times_s):
-            self._commanding.cancel(reference_m)
-            return ""
         try:
             trajectory = Trajectory(times_s, positions_m, velocities_m_s=velocities_m_s)
         except (TypeError, ValueError) as error:
@@ -90,12 +90,12 @@ class Offered:
 
     def refusal(self, now_s: float) -> str:
         """Why nothing is taken now, or ""."""
-        flooded = self._flood(now_s)
-        if flooded:
-            return flooded
-        if not self._commanding.is_driven:
-            return "setpoint refused: the output is off; call ~/enable first"
-        return ""
+        return self._flood(now_s) or self.not_driven
+
+    @property
+    def not_driven(self) -> str:
+        """That there is nothing to move or to end, in words, or ""."""
+        return "" if self._commanding.is_driven else "setpoint refused: the output is off; call ~/enable first"
 
     @property
     def joint_commands(self) -> str:
