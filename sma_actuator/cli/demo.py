@@ -52,6 +52,7 @@ ANSWER_TIMEOUT_s = 5.0
 SILENT_s = 2.0  #: after which what was told last is not shown as what is so
 _STEPS_WAITING = 10  #: of which one of two messages has come
 SETPOINT_PERIOD_s = 0.05
+DWELL, PERIOD = 1.2, 3.6  #: of a step and a wave, in time constants of the wire: 6 and 18 s of the thesis's
 SETTLING_s = 2.0  #: after this the first setpoint counts in the errors
 PICTURES_Hz = 5
 BAR_WIDTH = 48
@@ -142,13 +143,14 @@ def _words_of(number: int) -> str:
     return "Ctrl-C" if number == signal.SIGINT else str(signal.strsignal(number))
 
 
-def _program(config: Config, duration_s: float) -> Setpoint:
-    """Steps for the first half, then a sine, then a triangle, all within the working range."""
-    lo, hi = config.model.build(config.wire).displacement_range_m
+def _program(ends_m: tuple[float, float], lag_s: float, duration_s: float) -> Setpoint:
+    """Steps for the first half, then a sine, then a triangle, within what the wire reaches and as slow as it is."""
+    lo, hi = ends_m
     middle, half = (lo + hi) / 2.0, 0.4 * (hi - lo)
     duration_s = duration_s if duration_s > 0.0 else 90.0
-    ups_and_downs = steps([middle + x * half for x in (0.6, -0.4, 0.2, -0.8, 0.8, 0.0)], 6.0)
-    wave, ramp = sine(middle, half, 18.0), triangle(middle, half, 18.0)
+    dwell_s, period_s = DWELL * lag_s, PERIOD * lag_s
+    ups_and_downs = steps([middle + x * half for x in (0.6, -0.4, 0.2, -0.8, 0.8, 0.0)], dwell_s)
+    wave, ramp = sine(middle, half, period_s), triangle(middle, half, period_s)
 
     def position_m(time_s: float) -> float:
         part = (time_s % duration_s) / duration_s
@@ -171,7 +173,7 @@ def _drive(
     try:
         client = _Client(config, errors)
         client.enable(children, interrupts)
-        program = _program(config, duration_s)
+        program = _program(client.ends_m, config.estimator.thermal_time_constant, duration_s)
         start = next_setpoint = time.monotonic()
         next_picture = start
         with (
@@ -217,6 +219,7 @@ class _Client:
         self._waiting: dict[tuple[int, int], dict[str, float]] = {}  #: of a time, what came of it
         self._counts = False
         self._told = "no status yet"
+        self.ends_m = config.model.build(config.wire).displacement_range_m  #: until the node says them of its load
         self._heard_s = time.monotonic()
         self._node = Node("sma_demo")
         self._executor = SingleThreadedExecutor()
@@ -255,6 +258,9 @@ class _Client:
 
     def _on_status(self, message) -> None:
         self._told = message.message
+        said = {each.key: each.value for each in message.values}
+        if "shortest_m" in said:  # there was a reading
+            self.ends_m = float(said["shortest_m"]), float(said["longest_m"])
 
     @property
     def _status(self) -> str:

@@ -194,3 +194,13 @@ def test_one_that_fails_says_what_to_do_and_keeps_what_was_said(demo):
     folder = Path(advice.removeprefix("Run it once more; if it fails so again, the logs in ").split()[0])
     assert "the output is on" in (folder / "node.log").read_text()
     shutil.rmtree(folder)
+
+
+@pytest.mark.parametrize(("lag_s", "first_s"), [(5.0, 6.0), (13.0, 15.6)])
+def test_it_asks_for_what_the_wire_reaches_and_no_sooner_than_it_can(lag_s, first_s):
+    from sma_actuator.cli.demo import _program
+
+    asked_m = _program((0.003, 0.050), lag_s, 60.0)
+    asked = [asked_m(0.1 * tenth) for tenth in range(600)]
+    assert min(asked) >= 0.003 and max(asked) <= 0.050
+    assert asked_m(first_s - 0.01) == asked_m(0.0) != asked_m(first_s + 0.01)
