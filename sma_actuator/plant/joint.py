@@ -60,7 +60,9 @@ def simulate_joint(
 
     ``first`` and ``second`` are constants, state, inputs and ring of a wire, ``rows`` (2,) where it goes on in its
     ring.  Each wire takes a step at the angle that stands, then the pulley turns to where their tensions balance.  That
-    step is implicit in what gives least in a taut wire, so that it cannot overshoot, however stiff that is.
+    step is implicit in what gives least in a taut wire, so that it cannot overshoot, however stiff that is.  A wire
+    transforms by its load of the step before, which on a stiff tendon would swing from step to step; so the mean of two
+    is that load.
     """
     c_1, wire_1, inputs_1, ring_1 = first
     c_2, wire_2, inputs_2, ring_2 = second
@@ -70,9 +72,11 @@ def simulate_joint(
     for _ in range(steps):
         inputs_1[physics.SPRING_AT] = at_zero_m[0] - radius_m * angle_rad
         inputs_2[physics.SPRING_AT] = at_zero_m[1] + radius_m * angle_rad
+        before_1, before_2 = wire_1.whole[physics.LOAD], wire_2.whole[physics.LOAD]
         rows[0] = physics.simulate(one, step_s, c_1, wire_1, inputs_1, ring_1, rows[0])
         rows[1] = physics.simulate(one, step_s, c_2, wire_2, inputs_2, ring_2, rows[1])
-        load_1, load_2 = wire_1.whole[physics.LOAD], wire_2.whole[physics.LOAD]
+        load_1 = wire_1.whole[physics.LOAD] = 0.5 * (before_1 + wire_1.whole[physics.LOAD])
+        load_2 = wire_2.whole[physics.LOAD] = 0.5 * (before_2 + wire_2.whole[physics.LOAD])
         taut = int(load_1 > 0.0) + int(load_2 > 0.0)
         stiffness_Nm = radius_m * radius_m * stiffness_N_m * taut
         angle_rad += (radius_m * (load_1 - load_2) + torque_Nm) * step_s / (damping_Nms + stiffness_Nm * step_s)
