@@ -211,11 +211,14 @@ def heat(probe: Probe) -> None:
     most_W, name = min(
         zip(may_flow_W(heat, config, unwatched_s(config)), ("heat_loss_margin", "unwatched_margin"), strict=True)
     )
-    held_C = thermal.ambient_temperature + most_W / thermal.heat_loss
+    max_W = config.supply.max_current**2 * probe.resistance_Ohm
+    flows_W = min(most_W, max_W)
+    held_C, comes_C = (thermal.ambient_temperature + each_W / thermal.heat_loss for each_W in (most_W, flows_W))
     said = (
-        f"no more than {math.sqrt(most_W / probe.resistance_Ohm) * 1e3:.3g} mA flow, of which the wire comes to "
-        f"{held_C:.0f} °C by thermal.heat_loss, until it has shown what heat it loses"
+        f"no more than {math.sqrt(flows_W / probe.resistance_Ohm) * 1e3:.3g} mA flow, of which the wire comes to "
+        f"{comes_C:.0f} °C by thermal.heat_loss"
     )
+    said += " (supply.max_current)" if max_W <= most_W else ", until it has shown what heat it loses"
     if held_C >= CONTRACTED_C:
         probe.say("heat", said)
         return

@@ -237,6 +237,14 @@ def test_of_a_usual_wire_behind_a_watchdog_it_says_that_it_will_contract():
     assert said.level is Level.OK
 
 
+def test_it_names_no_more_current_than_may_flow():
+    """Of a wire that is let come to 208 °C it said 456 mA, at a max_current of 400 and a trip at 450."""
+    stand = Stand(lambda stand: stand.change(supply__max_current=0.2))
+    (said,) = [each for each in stand.found if each.part == "heat"]
+    assert said.sentence.startswith("no more than 200 mA flow, of which the wire comes to ")
+    assert said.sentence.endswith(" °C by thermal.heat_loss (supply.max_current)")
+
+
 def test_of_a_supply_that_was_never_opened_nobody_says_that_it_read_back_off():
     stand = Stand(lambda stand: stand.faults.update(supply_silent=1.0))
     assert not stand.test.off_confirmed
