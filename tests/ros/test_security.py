@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,12 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 
 POLICY = Path(__file__).resolve().parents[2] / "config" / "sros2_policy.xml"
 NODES = ("sma_actuator", "sma_actuator_switch", "sma_actuator_stop")
+#: What an action that a node executes is made of.
+OF_ACTIONS = {
+    ("topics", "publish"): ("feedback", "status"),
+    ("topics", "subscribe"): (),
+    ("services", "reply"): ("cancel_goal", "get_result", "send_goal"),
+}
 
 
 def allowed(enclave, kind, how):
@@ -47,6 +54,9 @@ def test_the_policy_allows_the_node_what_it_has_and_nothing_else(client_of_runni
         ("services", "reply", graph.get_service_names_and_types_by_node),
     ):
         wanted, look = allowed("/wire", kind, how), names(of)
+        if find_spec("control_msgs"):
+            for action in allowed("/wire", "actions", "execute"):
+                wanted |= {f"{action}/_action/{part}" for part in OF_ACTIONS[kind, how]}
         with contextlib.suppress(AssertionError):
             client_of_running_node.spin_until(lambda: look() == wanted, 20.0)  # noqa: B023
         assert look() ^ wanted == set(), (kind, how)
@@ -57,7 +67,8 @@ def test_whoever_commands_may_ask_for_nothing_that_the_node_does_not_serve_and_w
     assert allowed("/commander", "topics", "publish") - {"/parameter_events", "/rosout"} == allowed(
         "/wire", "topics", "subscribe"
     )
-    assert allowed("/spectator", "services", "request") == set()
+    assert allowed("/commander", "actions", "call") == allowed("/wire", "actions", "execute")
+    assert allowed("/spectator", "services", "request") == allowed("/spectator", "actions", "call") == set()
     assert allowed("/spectator", "topics", "publish") == {"/parameter_events", "/rosout"}
     assert allowed("/spectator", "topics", "subscribe") <= allowed("/wire", "topics", "publish")
 
