@@ -219,13 +219,15 @@ def _settle_gains(wire: Wire, most_A: float, lag_s: float, readings: float, stea
     usual_A_m = 4.0 * slow * most_A / wire.full_stroke_m
     less = f", times {slow:.2g}: {readings:.2g} readings in heat_capacity / heat_loss instead of {READINGS:g}"
     why = f"an error of a quarter of the full stroke asks for all of max_current{less if slow < 1.0 else ''}"
+    times, part = 4.0, "quarter"
     if steady_A_m < usual_A_m:
         why = f"with more, {usual_A_m:.2g}, a wire that transforms within so few kelvins swings about its setpoint"
+        times, part = 3.0, "third"  # such a one hunts through its hysteresis as well
     kp = settle("controller.kp", _digits(min(usual_A_m, steady_A_m), 2), why)
     settle(
         "controller.ki",
-        _digits(4.0 * kp / lag_s, 2),
-        "kp over a quarter of the lag of the temperature, which it makes up for",
+        _digits(times * kp / lag_s, 2),
+        f"kp over a {part} of the lag of the temperature, which it makes up for",
     )
 
 

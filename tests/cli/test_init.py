@@ -330,7 +330,8 @@ def test_a_wire_that_transforms_within_few_kelvins_gets_the_gain_with_which_it_c
         mapping["calibration"]["power"] = power | {"latent_rise": narrow * home["latent_rise"]}
         found = derived(mapping)
         assert found["controller.kp"].value < usual.value and "few kelvins" in found["controller.kp"].why
-        assert found["controller.ki"].value < derived(mapping | {"calibration": {}})["controller.ki"].value
+        lag_s, kp, ki = mapping["estimator"]["thermal_time_constant"], found["controller.kp"], found["controller.ki"]
+        assert ki.value == pytest.approx(3.0 * kp.value / lag_s, rel=0.03) and "a third" in ki.why
         assert _phase_left_deg(mapping, found["controller.kp"].value) == pytest.approx(30.0, abs=2.0)
         mapping["calibration"]["power"] = power | {"latent_rise": -15.0}  # by a heat capacity that is half too large
         least = derived(mapping)["controller.kp"]
