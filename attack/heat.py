@@ -57,9 +57,8 @@ STRESSES = {"a light load": 0.1, "a middle load": 0.4, "the largest load": 0.99}
 ASKED, WANTED, BACK = 0.985, 0.98, 0.001  #: shares of the stroke
 #: Heated for half a minute: a wire that must be hot shows by then what heat it loses (safety.thermal.shown_loss_W_K).
 HOLD_s, SOON_s = 630.0, 30.0
-BEGUN_s = (
-    30.0  #: so long the driver has run before it is heated: one that has just begun does not know that a wire is cold
-)
+#: So long the driver has run before it heats: one that has just begun does not know that a wire is cold.
+BEGUN_s = 30.0
 #: Sections that `init` derives, and what is asked for.
 _DERIVED = ("supply", "thermal", "controller", "estimator", "safety")
 
@@ -142,7 +141,9 @@ class Heating:
         if way not in ("sine", "steps"):
             config = with_law(config, AllThereIs(config.controller, config.supply.bias_current))
         ambient_C = WARM_C if way == "warm room" else AMBIENT_C
-        thinner = THINNER if way == "thinner" else self._as_resistant(load) if way == "as resistant cold" else 1.0
+        thinner = THINNER if way == "thinner" else 1.0
+        if way == "as resistant cold":
+            thinner = self._as_resistant(load)
         bench = self._bench(load, 1.0 if way == "covered" else self.heat_loss, ambient_C, thinner)
         if way == "covered":
             bench.inject("draught", self.heat_loss, at_s=bench.time_s + 0.5 * seconds)
@@ -254,8 +255,8 @@ class Heating:
     def run(self) -> Result:
         """Every way, judged."""
         ways = (("held", HELD_s), ("sine", MOVED_s), ("steps", MOVED_s), ("covered", 2.0 * HELD_s))
-        ways = (*ways, ("begun anew", HELD_s), ("thinner", HELD_s), ("as resistant cold", BEGUN_s + HELD_s))
-        ways = (*ways, ("warm room", HELD_s))
+        ways = (*ways, ("begun anew", HELD_s), ("thinner", HELD_s), ("warm room", HELD_s))
+        ways = (*ways, ("as resistant cold", BEGUN_s + HELD_s))
         for load, (way, seconds) in itertools.product(LOADS, ways):
             self.judge(way, self.driven(load, seconds, way))
         self.judge("characterise", self.characterised())

@@ -73,12 +73,12 @@ class Offered:
     ) -> str:
         """Take a trajectory from where the ``reference_m`` has come, or the end of one there; "" or why it was
         refused."""
-        if not len(times_s):  # no flood keeps a wire from coming to rest
-            if not self.not_driven:
-                self._commanding.cancel(reference_m)
-            return self.not_driven
-        if refusal := self.refusal(now_s):
+        is_end = not len(times_s)  # no flood keeps a wire from coming to rest
+        if refusal := self.not_driven if is_end else self.refusal(now_s):
             return refusal
+        if is_end:
+            self._commanding.cancel(reference_m)
+            return ""
         try:
             trajectory = Trajectory(times_s, positions_m, velocities_m_s=velocities_m_s)
         except (TypeError, ValueError) as error:

@@ -318,11 +318,9 @@ def _asked(mapping: dict[str, Any], answers: Mapping[str, Any], start: Path | No
     changed: set[str] = set()
     told = False
     for question in QUESTIONS:
-        if question.of and question.of not in asked and question.name not in answers:
+        if question.name in asked or (question.of and question.of not in asked and question.name not in answers):
             continue
         stands = _get(mapping, question.name)
-        if question.name in asked:
-            continue
         if stands is not None and answers.get(question.name) not in (None, "", []):
             _put(mapping, question.name, value := _answer(question, asking))
             if value != stands:

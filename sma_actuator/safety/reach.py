@@ -45,7 +45,7 @@ FIRST_AGAIN_TIMES, LAST_AGAIN_TIMES = 4.0, 32.0
 
 
 class Needed(NamedTuple):
-    """What heat a wire takes to be where it seems to be."""
+    """What heat a wire takes to be clearly further than where it seems to be."""
 
     share: float  #: of the stroke at its stress, 0 contracted
     there_W: float  #: would hold it at the temperature that a heating wire has clearly further
