@@ -103,7 +103,7 @@ class Desk:
         self._asymptotes: Asymptotes | None = None
         self._no_asymptotes = ""
         self._curves: dict[str, Any] | None = None
-        self._shown: tuple[Any, ...] = (-1, -1, None)
+        self._shown: tuple[Any, ...] = (None, None, None)
         self._acts: dict[str, Callable[[dict[str, Any]], Awaitable[str]]] = {
             "stop": lambda _: self._stop(),
             "enable": lambda _: wire.enable(True),

@@ -10,6 +10,7 @@ import rclpy
 from processes import wait_until
 from std_msgs.msg import Float64
 
+from sma_actuator.ros import publishing
 from sma_actuator.ros.publishing import OUTPUTS_WAITING, Handoff, _Thread, is_heard, waits_s
 
 
@@ -204,6 +205,21 @@ def test_those_that_step_together_are_waited_for_and_one_alone_is_not():
     assert waits_s(at_20_Hz, 16) == pytest.approx(0.01) and waits_s(at_100_Hz, 2) == pytest.approx(0.002)
     assert waits_s(0.002, 2) == pytest.approx(0.003), "never more often than every 5 ms"
     assert waits_s(60.0, 2) == waits_s(inf, 2) == pytest.approx(0.01)
+
+
+def test_a_turn_knows_how_many_were_published_in_the_one_before(handoff, monkeypatch):
+    numbers = []
+    monkeypatch.setattr(publishing, "waits_s", lambda since_s, number: numbers.append(number) or 0.0)
+    others = [Handoff(lambda latest, waiting: None, print) for _ in range(2)]
+    handoff.put("first", True)
+    wait_until(handoff._publishing.locked)
+    for other in others:
+        other.put("beside it", True)
+    handoff.go.set()
+    wait_until(lambda: all(other.moves() for other in others))
+    handoff.put("next", True)
+    wait_until(lambda: handoff.published[-1][0] == "next")
+    assert numbers[-1] == 3
 
 
 def test_a_topic_is_heard_from_the_first_subscriber_on_and_not_before():

@@ -40,13 +40,14 @@ class TestRepeats:
             repeats.step(block_V(rng, 0.08, 2e-4))
         assert any(repeats.step(0.08 + LSB_V * rng.integers(-1, 2)) for _ in range(200))
 
+    @pytest.mark.parametrize("changes_at", [190, 200, 300])
     @pytest.mark.parametrize("every", [(0, 1), (10, 1), (7, 2), (3, 1), (2, 2)])
-    def test_by_its_definition(self, every):
+    def test_by_its_definition(self, every, changes_at):
         """A repetition is no chance once the sum of what each reading says, against what was usual in 200 or more
         before it, is beyond a millionth of a millionth: of a channel that repeats every so many readings at first, and
         more often then."""
         before, after = every
-        equal = [bool(before) and number % before == 0 for number in range(1, 200)]
+        equal = [bool(before) and number % before == 0 for number in range(1, changes_at)]
         equal += [number % after == 0 for number in range(3000)]
         values = np.cumsum(~np.array([False, *equal]))
         repeats = Repeats()
@@ -107,17 +108,22 @@ class TestLiveliness:
         assert min(shares) > 0.5
 
     def test_by_its_definition(self):
-        """The mean second difference of the last hundred, against the least of earlier hundreds in which the channel
-        moved no more than five times that."""
+        """The mean second difference of the last hundred, against the least of earlier hundreds in which nothing moved
+        what the channel measures, and it no more than five times that."""
         rng = np.random.default_rng(2)
         quiet, loud = rng.normal(0.0, 1.0, (2, 700))
         first = np.repeat([0.3, 0.5], [100, 200]) * quiet[:300]
+        at_the_bound = 0.1 * quiet + np.cumsum(np.linspace(0.02, 0.01, 700))  # 75 readings' way: 7.5 to 4 times
+        loud, quiet_again, quieter = 3.0 * loud, 0.2 * quiet, 0.05 * quiet
+        stands, leaps = np.full(250, first[-1]), [50.0]
         moved = np.concatenate(
-            [first, np.full(250, first[-1]), [50.0], quiet, np.linspace(0.0, 900.0, 300), 3.0 * loud, 0.2 * quiet]
+            [first, stands, leaps, quiet, np.linspace(0.0, 900.0, 300), loud, quiet_again, at_the_bound, quieter]
         )
-        levels, counted, since = [], [], 0
+        rests = np.arange(len(moved)) % 470 != 230
+        levels, counted, since, rested = [], [], 0, 0
         for end in range(1, len(moved) + 1):
             since += 1
+            rested = rested + 1 if rests[end - 1] else 0
             if end < 100:
                 continue
             last = moved[end - 100 : end]
@@ -125,11 +131,11 @@ class TestLiveliness:
             earlier = counted[:-1]
             levels.append(level / min(earlier) if len(earlier) >= 2 else math.nan)
             quarters = last.reshape(4, 25).mean(axis=1)
-            if since >= 100 and level > 0.0 and np.ptp(quarters) <= 5.0 * level:
+            if min(since, rested) >= 100 and level > 0.0 and np.ptp(quarters) <= 5.0 * level:
                 counted.append(level)
                 since = 0
         live = Liveliness()
-        said = [live.step(float(value)) for value in moved][99:]
+        said = [live.step(float(value), rest) for value, rest in zip(moved, rests, strict=True)][99:]
         assert len(counted) > 8
         assert said == pytest.approx(levels, nan_ok=True, abs=1e-9)
 
@@ -321,6 +327,7 @@ class TestWhatALoadDoes:
         wire = Swung()
         wire.swing(-300.0, -300.0, -300.0, -200.0)
         assert wire.following.stiffness_N_m == pytest.approx(-200.0)
+        assert wire.swing(0.0, -200.0, 0.0) == "", "it was alive in between"
 
     @pytest.mark.parametrize("pieces", [1, 15])
     def test_a_load_that_changes_by_itself_is_another(self, pieces):
@@ -332,6 +339,28 @@ class TestWhatALoadDoes:
             wire.step()
         assert math.isnan(wire.following.stiffness_N_m)
         assert wire.swing(0.0, 0.0, 0.0, 0.0) == ""
+
+    def test_what_another_does_is_seen_at_once_however_quickly_it_is_moved(self):
+        wire = Swung()
+        wire.swing(-300.0, -300.0, -300.0)
+        wire.load_N += 2.0
+        wire.step()
+        for number in range(1, 5):
+            wire.to(number % 2 * wire.way_m, -200.0, 3)
+        assert wire.following.stiffness_N_m == pytest.approx(-200.0)
+
+    def test_a_motion_in_which_it_became_another_shows_nothing_of_it(self):
+        wire = Swung()
+        wire.swing(-300.0, -300.0, -300.0)
+        wire.step()
+        wire.to(wire.at_m + 0.5 * wire.way_m, -300.0)
+        wire.load_N -= math.copysign(1.0, wire.way_m)
+        wire.to(wire.at_m + 0.5 * wire.way_m, -1000.0)
+        wire.way_m = -wire.way_m
+        wire.swing(-1000.0, -1000.0)
+        assert math.isnan(wire.following.stiffness_N_m)
+        wire.swing(-1000.0)
+        assert wire.following.stiffness_N_m == pytest.approx(-1000.0)
 
     def test_it_is_another_too_before_its_law_is_known(self):
         """A weight that takes a spring's place where the wire turns would be one more motion of the spring's."""

@@ -649,6 +649,13 @@ def test_a_page_shows_and_asks_its_own_node_and_stops_all_of_them():
         assert not answer["ok"]
         assert answer["sentence"] == "every wire is off; /joint does not offer ~/stop now"
         assert wire.done[-1] == "stop"
+
+        async def break_off():
+            raise RuntimeError("provoked")
+
+        other.stop = break_off
+        answer = await asked(sockets[0], 3, do="stop")
+        assert (answer["ok"], answer["sentence"]) == (False, "not understood: RuntimeError: provoked")
         async with client.get("/live", params={"node": "/none"}, headers=headers_of(client, server)) as response:
             assert response.status == 404
             assert "'/none' is none of /sma_actuator, /joint" in await response.text()
