@@ -215,12 +215,42 @@ class Following:
 
 
 @dataclass(slots=True)
+class Leaps:
+    """Whether load and displacement leap together: another load stretches the wire, or lets it go, in the same reading.
+
+    How far needs no model: by more than the wire's motion has lately changed from one reading to the next.
+    """
+
+    _load_N: float = nan
+    _place_m: float = nan
+    _way_m: float = nan  #: from the place before
+    _lately_m: deque[float] = field(default_factory=lambda: deque(maxlen=LATELY))  #: how much such ways have differed
+    _since: int = LATELY  #: readings
+
+    def step(self, load_N: float, place_m: float, noise_N: float) -> None:
+        """Take in a reading; ``place_m`` is that of the displacement sensor, NaN without one."""
+        change_N, way_m = load_N - self._load_N, place_m - self._place_m
+        leapt_m = way_m - self._way_m
+        both = abs(change_N) > noise_N and abs(leapt_m) > max(self._lately_m, default=inf)
+        self._since = 0 if both and leapt_m * change_N > 0.0 else self._since + 1
+        self._load_N, self._place_m, self._way_m = load_N, place_m, way_m
+        if isfinite(leapt_m):
+            self._lately_m.append(abs(leapt_m))
+
+    @property
+    def together(self) -> bool:
+        """Whether they have lately."""
+        return self._since < LATELY
+
+
+@dataclass(slots=True)
 class LoadAlive:
     """What is to be seen of a load cell's life."""
 
     repeats: Repeats = field(default_factory=Repeats)
     noise: Liveliness = field(default_factory=Liveliness)
     following: Following = field(default_factory=Following)
+    leaps: Leaps = field(default_factory=Leaps)
     _told_A: float = nan
     _is_suspect: bool = False
     _contradicted: bool = False  #: with the reading before
@@ -234,10 +264,10 @@ class LoadAlive:
         return self.noise.step(value_V, stays or self.following.carries)
 
     def is_suspect(self, contradicted: bool) -> bool:
-        """Whether the load has changed by itself, what it does is not known anew, and the displacement sensor did not
-        contradict before."""
+        """Whether the load has changed by itself, and the displacement did not leap with it; what it does is not known
+        anew, and the displacement sensor did not contradict before."""
         before, self._contradicted = self._contradicted, contradicted
-        if self.following.changed and not before:
+        if self.following.changed and not (before or self.leaps.together):
             self._is_suspect = True
         elif self._is_suspect and isfinite(self.following.stiffness_N_m):
             self._is_suspect = False

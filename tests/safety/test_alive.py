@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sma_actuator.plant.loads import Spring, Weight
-from sma_actuator.safety.alive import LATELY, SEEN, WINDOW, WINDOWS, Following, Liveliness, LoadAlive, Repeats
+from sma_actuator.safety.alive import LATELY, SEEN, WINDOW, WINDOWS, Following, Leaps, Liveliness, LoadAlive, Repeats
 from sma_actuator.safety.faults import FAULTS
 
 LSB_V, SAMPLES = 20.0 / 2**16, 50
@@ -397,6 +397,58 @@ class TestWhatALoadDoes:
         assert math.isnan(wire.following.stiffness_N_m)
 
 
+def leap(leaps, load_N=1.0, place_m=1e-3, usual_m=1e-5, before_m=0.0):
+    """A wire that goes on by ``before_m`` a reading, but for what is usual, and leaps there under that load; whether
+    both have leapt."""
+    for number in range(2 * LATELY):
+        leaps.step(0.5, number * before_m + 0.5 * usual_m * (number % 2), 0.03)
+    leaps.step(load_N, (2 * LATELY - 1) * before_m + 0.5 * usual_m + place_m, 0.03)
+    return leaps.together
+
+
+class TestLeaps:
+    @pytest.mark.parametrize("side", [1.0, -1.0])
+    def test_another_load_takes_the_wire_along(self, side):
+        assert leap(Leaps(), 0.5 + 0.1 * side, 1e-4 * side)
+        assert not leap(Leaps(), 0.5 + 0.1 * side, -1e-4 * side), "it stretches a wire, and lets it go"
+
+    @pytest.mark.parametrize(("change_N", "leapt"), [(0.02, False), (0.04, True)])
+    def test_a_change_within_the_noise_is_none(self, change_N, leapt):
+        assert leap(Leaps(), 0.5 + change_N, 1e-3) == leapt
+
+    @pytest.mark.parametrize("before_m", [0.0, 4e-5, -4e-5])
+    @pytest.mark.parametrize(("beyond_m", "leapt"), [(0.9e-5, False), (1.1e-5, True)])
+    def test_it_is_more_than_its_motion_has_lately_changed(self, before_m, beyond_m, leapt):
+        """To and fro by 5 µm: from one reading to the next it changes by 10 µm."""
+        assert leap(Leaps(), 1.0, before_m + 0.5e-5 + beyond_m, before_m=before_m) == leapt
+
+    def test_what_was_longer_ago_says_nothing(self):
+        leaps = Leaps()
+        leaps.step(0.5, 0.0, 0.03)
+        leaps.step(0.5, 1.0, 0.03)
+        leaps.step(0.5, 1.0, 0.03)
+        assert leap(leaps)
+
+    def test_of_one_reading_nothing_is_known(self):
+        leaps = Leaps()
+        for place_m in (0.0, 0.0, 1e-3):
+            leaps.step(0.5 + 100.0 * place_m, place_m, 0.03)
+            assert not leaps.together
+        assert not Leaps().together
+
+    def test_a_sensor_that_is_away_for_a_moment_is_known_as_it_was(self):
+        leaps = Leaps()
+        leap(leaps, 0.5, 0.0)
+        leaps.step(0.5, math.nan, 0.03)
+        for load_N, place_m in ((0.5, 0.0), (0.5, 0.0), (1.0, 1e-3)):
+            assert not leaps.together
+            leaps.step(load_N, place_m, 0.03)
+        assert leaps.together
+
+    def test_without_one_nothing_leaps(self):
+        assert not leap(Leaps(), 1.0, math.nan)
+
+
 class TestWhatIsSuspect:
     """A load that changes by itself while the displacement sensor bears the position out, until three motions have
     shown what it does."""
@@ -443,6 +495,14 @@ class TestWhatIsSuspect:
         wire.to(wire.at_m + wire.way_m, stiffness_N_m)
         wire.to(wire.at_m - 0.3 * wire.way_m, stiffness_N_m, 1)
         assert self.alive.is_suspect(False) == suspect
+
+    @pytest.mark.parametrize("ago", [0, LATELY - 1, LATELY])
+    def test_not_where_the_displacement_has_lately_leapt_with_it(self, wire, ago):
+        leap(self.alive.leaps)
+        for _ in range(ago):
+            self.alive.leaps.step(1.0, 0.0, 0.03)
+        self.change(wire)
+        assert self.alive.is_suspect(False) == (ago == LATELY)
 
     def test_what_was_seen_of_it_once_is_not_seen_again(self, wire):
         self.change(wire)

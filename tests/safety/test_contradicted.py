@@ -9,7 +9,7 @@ from rig import Rig
 
 from sma_actuator.base.share import shared_file
 from sma_actuator.base.signals import Mode, Quality
-from sma_actuator.config import read_parameter_file
+from sma_actuator.config import Config, read_parameter_file
 from sma_actuator.plant.loads import Schedule, Spring, Weight
 from sma_actuator.safety.faults import FAULTS
 from sma_actuator.safety.guards.estimate import APART, APART_s, position_contradicted
@@ -133,6 +133,28 @@ def test_a_load_that_is_changed_under_a_frozen_sensor_is_not_accused(move):
 )
 def test_no_honest_load_is(move, wire, load):
     assert move(driven(load, wire), 60.0) == {}
+
+
+def with_a_model_that_errs(share, from_N, to_N):
+    """The parameters that ship; at the second load the model is wrong by so much of the stroke, at the first by
+    nothing."""
+    parameters = read_parameter_file(shared_file("config/flexinol.yaml"))
+    wire = Config.from_mapping(parameters).wire
+    slope_m_Pa = share * wire.full_stroke_m * wire.area_m2 / (to_N - from_N)
+    for name in ("heating_intercept", "cooling_intercept"):
+        parameters["model"][name][0] -= slope_m_Pa * from_N / wire.area_m2
+        parameters["model"][name][1] += slope_m_Pa
+    return parameters
+
+
+@pytest.mark.parametrize("share", [-0.15, 0.15])
+@pytest.mark.parametrize(("from_N", "to_N"), [(0.98, 1.9), (1.47, 0.69)])
+def test_no_load_is_dead_because_the_model_errs_at_it(move, share, from_N, to_N):
+    """The displacement has leapt with it."""
+    load = Schedule(((0.0, Weight(from_N)), (BEGINS_s, Weight(to_N))))
+    rig = Rig(with_a_model_that_errs(share, from_N, to_N), load=load)
+    rig.enable()
+    assert set(move(rig, BEGINS_s + 1.5 * PERIOD_s)) == {"position_contradicted"}
 
 
 @pytest.fixture

@@ -203,7 +203,8 @@ def readings_repeat(step: Step) -> str:
     f"two motions running, to and fro, by {100 * SWING:g} % of the full stroke or more with less than "
     f"{100 * FOLLOWS:g} % of the change of load that belonged to such motions so far, as on a spring. Or, where "
     "fitted, the displacement sensor contradicts the position (as in position_contradicted) since a load that three "
-    "motions had shown changed by itself, before three have shown what the new one does",
+    "motions had shown changed by itself, without a leap of the displacement beyond its motion in the same reading, "
+    "before three have shown what the new one does",
     within=longest((WINDOW + 10) / RATE, APART_s + TWO_STEPS),
     action=Action.OFF,
     latches=True,
@@ -213,7 +214,9 @@ def load_dead(step: Step) -> str:
     if step.reading is None:
         return ""
     config, alive, value_V = step.config, step.memory.load_alive, step.reading.load_cell_voltage_V
-    noise = alive.quiet(value_V, step.told.current_A)
+    noise, wire = alive.quiet(value_V, step.told.current_A), config.wire
+    swing_m, noise_N = SWING * wire.full_stroke_m, NOISE_SHARE * wire.max_stress * wire.area_m2
+    alive.leaps.step(step.signals.load_N, step.signals.reference_displacement_m, noise_N)
     why = ""
     if alive.repeats.step(value_V):
         why = f"{value_V:g} V again and again, to the last digit"
@@ -223,8 +226,6 @@ def load_dead(step: Step) -> str:
             f"{config.safety.least_noise:g}"
         )
     elif step.driven and step.settled and step.estimate.quality <= Quality.INDETERMINATE_HOT:
-        wire = config.wire
-        swing_m, noise_N = SWING * wire.full_stroke_m, NOISE_SHARE * wire.max_stress * wire.area_m2
         place_m, contradicted = step.estimate.displacement_m, not isnan(contradicted_m(step))
         why = alive.following.step(place_m, step.signals.load_N, swing_m, noise_N)
         alone = alive.is_suspect(contradicted) and contradicted
