@@ -21,7 +21,7 @@ from sma_actuator.diagnosis.selection import Entry, NextFall, Progress, Rules, S
 from sma_actuator.fleet import Call, spread
 
 from .candidates import CANDIDATES, ForwardCandidate
-from .fitting import ForwardFit, fit, plain_parameters, plain_starts, residual_m
+from .fitting import ForwardFit, fit, fit_for_new_runs, plain_parameters, plain_starts, residual_m
 from .runs import Run
 from .wire import ForwardWire
 
@@ -401,10 +401,10 @@ def _finish(
     for name in ("rms", "mean"):
         variant = wire.with_values({"drive.heats": name})
         free = plain_parameters(variant)
-        heats[name] = fit(variant, free, runs, plain_starts(free), _FINAL_EVALUATIONS)
+        heats[name] = fit_for_new_runs(variant, free, runs, plain_starts(free), _FINAL_EVALUATIONS)
     best = heats[plain.fits[0].wire.drive.heats]
     cold = best.wire.with_values({"wire.martensite_expansion_1_K": 0.0, "wire.austenite_expansion_1_K": 0.0})
-    rigid = fit(cold, best.free, runs, [best.values, *plain_starts(best.free)[:1]], _FINAL_EVALUATIONS)
+    rigid = fit_for_new_runs(cold, best.free, runs, [best.values, *plain_starts(best.free)[:1]], _FINAL_EVALUATIONS)
     for place, outcome in enumerate(ranked):
         found = _fit_all(outcome, runs)
         # What the last fit drives to a bound of the possible has not been measured after all.
@@ -414,4 +414,5 @@ def _finish(
 
 
 def _fit_all(outcome: Outcome, runs: Sequence[Run]) -> ForwardFit:
-    return fit(outcome.fits[0].wire, outcome.fits[0].free, runs, [f.values for f in outcome.fits], _FINAL_EVALUATIONS)
+    first = outcome.fits[0]
+    return fit_for_new_runs(first.wire, first.free, runs, [f.values for f in outcome.fits], _FINAL_EVALUATIONS)
