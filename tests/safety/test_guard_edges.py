@@ -708,6 +708,20 @@ class TestOverruns:
         assert missed(gap, 1.0, gap, *most * [1.0]) is None
         assert missed(gap, 1.0, gap, 1.0, gap) == 5
 
+    @pytest.mark.parametrize(("gap_s", "gaps"), [(0.102, 11), (0.251, 5), (0.336, 4), (0.499, 3)])
+    def test_however_quick_the_loop_is_gaps_are_none_until_they_take_twice_the_time_out(
+        self, step, config, gap_s, gaps
+    ):
+        """With twenty steps between them, which pay for all that a gap counts of the deadlines."""
+        memory, quick = Memory(**MEMORY), replace(config, loop=replace(config.loop, rate=1000.0))
+        said_of = [
+            [said(loop_overrun, step(memory=memory, config=quick, dt_s=each)) for each in (*20 * [0.001], gap_s)]
+            for _ in range(gaps)
+        ]
+        assert not any(any(each) for each in (*said_of[:-1], said_of[-1][:-1]))
+        owed_s = gaps * (gap_s - 0.001) - (gaps - 1) * 0.01
+        assert 1.0 <= owed_s < 1.0 + gap_s - 0.01 and f"{owed_s:.3g} s, less" in said_of[-1][-1]
+
     @pytest.mark.parametrize("silent", ["raw", "supply"])
     def test_a_step_without_an_answer_is_the_instruments(self, missed, most, silent):
         memory = Memory(**MEMORY)

@@ -13,6 +13,8 @@ from sma_actuator.safety.timing import ONE_STEP, READING_TIMEOUT
 OVERRUN_PERIODS = 1.5
 #: What a deadline that was met pays of those that were missed: up to a third of them may be missed for ever.
 MET_COUNTS = 0.5
+#: A gap that is shorter than safety.reading_timeout is none, nor are two: what is missed may take as long as so many.
+GAPS = 2.0
 
 unhandled_exception: Fault = Fault(
     "unhandled_exception",
@@ -94,8 +96,9 @@ def clock_jump(step: Step) -> str:
     words="the control loop overruns",
     remedy="Lower loop.rate, or take other work off this computer; `sma-actuator check` says which rate the "
     "instruments allow",
-    detector="deadlines of loop.rate that steps missed, less half of those met since, are loop.overruns_to_fault; a "
-    "single gap counts for half of that at the most",
+    detector="deadlines of loop.rate that steps missed, less half of those met since, are loop.overruns_to_fault, "
+    "where a single gap counts for half of that at the most; or they took twice safety.reading_timeout. So steps are "
+    "never further apart, on average, than one and a half periods",
     within=parameter_value("loop.overruns_to_fault") * READING_TIMEOUT,
     action=Action.OFF,
     latches=True,
@@ -104,17 +107,19 @@ def loop_overrun(step: Step) -> str:
     """Too many steps came too late, in a row or in a stutter: what is acted on is too old on average."""
     missed, most = step.dt_s * step.config.loop.rate - 1.0, step.config.loop.overruns_to_fault
     if not step.driven:
-        change = -inf
+        change = at_most = -inf
     elif step.raw is None or step.supply is None:
-        change = 0.0  # an answer that does not come is not the loop's: daq_lost, supply_lost
+        change = at_most = 0.0  # an answer that does not come is not the loop's: daq_lost, supply_lost
     elif -1.0 <= missed <= OVERRUN_PERIODS - 1.0:
-        change = missed - MET_COUNTS  # one before its time makes up for one after it
+        change = at_most = missed - MET_COUNTS  # one before its time makes up for one after it
     else:
-        change = min(missed, max(1.0, 0.5 * most)) if isfinite(missed) else 1.0
-    owed = step.memory.leaks("loop_overrun", change)
-    if owed < most - 1e-9:
+        change = missed if isfinite(missed) else 1.0
+        at_most = min(change, max(1.0, 0.5 * most))
+    owed = step.memory.leaks("loop_overrun", at_most)
+    owed_s = step.memory.leaks("missed", change) / step.config.loop.rate
+    if owed < most - 1e-9 and owed_s < GAPS * step.config.safety.reading_timeout:
         return ""
     return (
-        f"{owed:.3g} deadlines of {step.config.loop.rate:g} Hz were missed, less half of those met since; "
-        f"loop.overruns_to_fault is {most}"
+        f"{owed:.3g} deadlines of {step.config.loop.rate:g} Hz were missed, and {owed_s:.3g} s, less half of those met "
+        f"since; loop.overruns_to_fault is {most}, safety.reading_timeout {step.config.safety.reading_timeout:g} s"
     )

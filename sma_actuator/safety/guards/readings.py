@@ -204,7 +204,8 @@ def readings_repeat(step: Step) -> str:
     f"{100 * FOLLOWS:g} % of the change of load that belonged to such motions so far, as on a spring. Or, where "
     "fitted, the displacement sensor contradicts the position (as in position_contradicted) since a load that three "
     "motions had shown changed by itself, without a leap of the displacement beyond its motion in the same reading, "
-    "before three have shown what the new one does",
+    "before three have shown what the new one does. While the wire is held a cell that keeps its noise shows none of "
+    "this",
     within=longest((WINDOW + 10) / RATE, APART_s + TWO_STEPS),
     action=Action.OFF,
     latches=True,
