@@ -40,6 +40,7 @@ TITLES = {
     "lies": "sensors that lie",
     "lines": "lines between driver and instruments",
     "kills": "kills",
+    "boards": "kills with a board",
     "fuzz": "ROS fuzz",
     "soak": "soak",
     "node_soak": "soak of a node",
@@ -104,6 +105,7 @@ def _units(name: str, options: argparse.Namespace, next_seed: int) -> list[tuple
     first, whole, part = {
         "hours": (seed, options.sessions, 2),
         "kills": (seed, options.count, 20),
+        "boards": (seed, options.count, 10),
         "fuzz": (seed, options.messages, 20_000),
     }[name]
     step = part if name == "hours" else 1  # a session is its own seed
@@ -249,7 +251,7 @@ def _options() -> argparse.ArgumentParser:
         help="lines, heat, ends: numbers of the mischief, or of the wires, to take",
     )
     parser.add_argument("--seconds", type=float, default=6000.0, help="ends: virtual seconds for each load and start")
-    parser.add_argument("--count", type=int, default=1000, help="kills")
+    parser.add_argument("--count", type=int, default=1000, help="kills, boards")
     parser.add_argument("--messages", type=int, default=1_000_000, help="fuzz: messages")
     parser.add_argument("--hours", type=float, default=24.0, help="soak: virtual hours")
     parser.add_argument("--minutes-of-node", type=float, default=8.0, help="node_soak: minutes that the node drives")

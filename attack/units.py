@@ -44,6 +44,14 @@ def run_kills(seed: int, count: int) -> Result:
     return attack(seed, count)
 
 
+def run_boards(seed: int, count: int) -> Result:
+    """Nodes, firmware and lines of a board ended at random instants."""
+    _own_domain(seed + 20)
+    from .boards import attack
+
+    return attack(seed, count)
+
+
 def run_fuzz(seed: int, messages: int) -> Result:
     """Messages, parameters and calls with odd values."""
     _own_domain(seed + 40)
@@ -85,6 +93,7 @@ RUNNERS = {
     "lies": run_lies,
     "lines": run_lines,
     "kills": run_kills,
+    "boards": run_boards,
     "fuzz": run_fuzz,
     "soak": run_soak,
     "node_soak": run_node_soak,

@@ -220,7 +220,9 @@ def test_spoilt_lines_break_no_promise():
 
 @pytest.mark.long  # of each, quickly: tests/driver/test_driver_thread.py and tests/ros/test_odd_messages.py
 @pytest.mark.timeout(180)
-@pytest.mark.parametrize(("what", "how_many"), (("kills", ("--count", "3")), ("fuzz", ("--messages", "10000"))))
+@pytest.mark.parametrize(
+    ("what", "how_many"), (("kills", ("--count", "3")), ("boards", ("--count", "3")), ("fuzz", ("--messages", "10000")))
+)
 def test_kills_and_odd_messages_break_no_promise(what, how_many):
     pytest.importorskip("rclpy")
     run = subprocess.run(
