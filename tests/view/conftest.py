@@ -38,7 +38,8 @@ class Stand:
             view = ["view", "--quiet", "--port", "0", "--config", str(self.file)]
             self.view = subprocess.Popen([sys.executable, "-m", "sma_actuator", *view], stdout=log, stderr=log)
         wait_until(lambda: "token=" in self.words and self.words.endswith("\n"), what="the address of the page")
-        self.address = self.words.split()[0]
+        # Fast DDS says in the same file what it finds of other processes.
+        self.address = next(word for word in self.words.split() if "token=" in word)
         self.url, _, self.token = self.address.partition("/#token=")
 
     @property
