@@ -59,7 +59,7 @@ from sma_actuator.safety.guards.wire import (
     stress_above_limit,
     too_hot,
 )
-from sma_actuator.safety.records import NEVER_READ, Action, Fault, Guard, Memory, Step
+from sma_actuator.safety.records import NEVER_READ, Action, Fault, Guard, Memory, Step, Waited
 from sma_actuator.safety.supervisor import Supervisor
 from sma_actuator.safety.thermal import WireHeat
 
@@ -172,6 +172,8 @@ BOUNDS = [
     (clock_jump, {"dt_s": -1e-9}, True),
     (clock_jump, {"dt_s": NAN}, True),
     (clock_jump, {"dt_s": 5.0, "driven": False}, False),
+    (clock_jump, {"dt_s": 5.0, "waited": Waited(supply_s=4.9)}, False),
+    (clock_jump, {"dt_s": 5.0, "waited": Waited(daq_s=4.9)}, False),
     (reading_saturated, {"raw__supply_voltage_V": 9.999}, False),
     (reading_saturated, {"raw__supply_voltage_V": 10.0}, True),
     (reading_saturated, {"raw__supply_voltage_V": -10.0}, True),
@@ -695,7 +697,7 @@ class TestOverruns:
         assert missed(*most * [NAN]) == most
         assert missed(*(3 * most) * [1.6]) == math.ceil(most / 0.6)
 
-    @pytest.mark.parametrize("periods", [(1.0,), (1.5,), (1.6, 0.4), (2.0, 1.0, 1.0), (4.0, *6 * (1.0,))])
+    @pytest.mark.parametrize("periods", [(1.0,), (1.5,), (1.6, 0.4), (2.2, 0.2), (2.0, 1.0, 1.0), (4.0, *6 * (1.0,))])
     def test_a_third_of_them_may_be_missed_for_ever(self, missed, periods):
         assert missed(*periods * 1000) is None
 
@@ -707,6 +709,13 @@ class TestOverruns:
         gap = 0.9 * most
         assert missed(gap, 1.0, gap, *most * [1.0]) is None
         assert missed(gap, 1.0, gap, 1.0, gap) == 5
+        assert missed(0.6 * most, 0.6 * most) == 2, "half of them each"
+
+    @pytest.mark.parametrize(("most", "periods", "told"), [(1, 1.0, False), (1, 2.0, True), (2, 4.0, False)])
+    def test_where_a_single_one_is_a_fault_it_is(self, step, config, most, periods, told):
+        strict = replace(config, loop=replace(config.loop, overruns_to_fault=most))
+        late = step(config=strict, memory=Memory(**MEMORY), dt_s=periods / config.loop.rate)
+        assert bool(said(loop_overrun, late)) == told
 
     @pytest.mark.parametrize(("gap_s", "gaps"), [(0.102, 11), (0.251, 5), (0.336, 4), (0.499, 3)])
     def test_however_quick_the_loop_is_gaps_are_none_until_they_take_twice_the_time_out(
