@@ -7,7 +7,7 @@ import pytest
 from pulsed import pulsed_log
 
 from sma_actuator.config import bench_from_mapping
-from sma_actuator.estimation.models.orientation import STAYS, TURNED, OHM_PER_m
+from sma_actuator.estimation.models.orientation import STAYS, TURNED, OHM_PER_m, SCATTER_Ohm
 from sma_actuator.identify.fitters.whole_range.cold_wire import PER_STRAIN, MODULUS_Pa, cold_wire
 
 HOT_m = 5e-4
@@ -79,6 +79,15 @@ def test_its_gauge_is_that_of_a_drawn_conductor_until_logs_say_otherwise(config)
     longer_m = 1e-3
     shown = [pulses(0.5, cold_m(0.5) + longer_m, more_Ohm=1.3 * geometric * longer_m, noise_Ohm=1e-3), pulses(2.0)]
     assert cold_wire(shown, config, ENDS_m).known[OHM_PER_m] == pytest.approx(1.3 * geometric, rel=0.05)
+
+
+def test_one_whose_resistance_is_another_after_a_long_rest_though_it_is_as_long_is_no_gauge(config):
+    """As one is that was warmer yet where its cycles came to rest, or that shows another phase."""
+    logs = [
+        pulses(load_N, cold_m(load_N), more_Ohm, 1e-3) for load_N, more_Ohm in ((0.5, 0.0), (1.0, -0.05), (2.0, 0.1))
+    ]
+    known = cold_wire(logs, config, ENDS_m).known
+    assert known[SCATTER_Ohm] == pytest.approx(np.sqrt((0.05**2 + 0.1**2) / 3.0), rel=0.05)
 
 
 def test_logs_in_which_it_never_came_to_rest_cold_say_nothing(config):

@@ -69,11 +69,14 @@ def cold_wire(experiments: Sequence[Experiment], config, ends_m: np.ndarray) -> 
     prior = PER_STRAIN * float(np.mean(rest.cold_resistance)) / config.wire.strain_length_m
     weight = (scatter_Ohm**2 + reading_Ohm**2 / BEGINNING) / (WITHIN * prior) ** 2
     per_m = (float(more_Ohm @ longer_m) + weight * prior) / (float(longer_m @ longer_m) + weight)
+    per_m = max(per_m, LEAST * prior)
+    if found:  # a wire that is switched on has rested for longer than one between two cycles
+        scatter_Ohm = max(scatter_Ohm, float(np.sqrt(np.mean(np.square(more_Ohm - per_m * longer_m)))))
     stays = max((share for *_, share, heavier in found if heavier is False), default=0.0)
     turned = min((share for *_, share, heavier in found if heavier), default=1.0)
     # Where nothing stays the wire may have hung on that very load before.
     return ColdWire(
-        (max(per_m, LEAST * prior), scatter_Ohm, reading_Ohm),
+        (per_m, scatter_Ohm, reading_Ohm),
         (min(stays, 1.0), turned if turned < WHOLLY else 1.0) if stays >= MOSTLY else (),
         rest.cold_stress,
         rest.cold_resistance,
