@@ -55,6 +55,8 @@ FOLLOWED = 0.1
 USUALLY = 0.03
 #: Share by which the resistance of a wire differs that is plugged in again: 5 to 10 mΩ of contacts, of some ohms.
 CONTACTS = 0.002
+#: The resistance of martensite rises with its temperature, as a share, and how surely it does: 3e-4 to 1.1e-3.
+WARMER_1_K, WARMER_WITHIN_1_K = 7e-4, 4e-4
 #: What is known of the wire: Ω per m; how far off, rms, the resistance of a cold wire is, and a single reading of it
 #: [Ω]; what stays of being longer under a load that has become less; and to what share of the stroke under a load its
 #: cold martensite is turned at the least.
@@ -171,20 +173,29 @@ def told(state: Floats) -> bool:
 
 @jit
 def tell(
-    resistance_Ohm: float, stress_Pa: float, usual: Floats, ends: np.ndarray, known: np.ndarray, state: Floats
+    resistance_Ohm: float,
+    stress_Pa: float,
+    warmer_K: float,
+    usual: Floats,
+    ends: np.ndarray,
+    known: np.ndarray,
+    state: Floats,
 ) -> None:
     """One reading of a cold wire, all martensite, whose length nobody knows.
 
-    ``usual``: the resistance of a cold wire by its stress (:func:`~sma_actuator.base.lookup.row_of`).
+    ``usual``: the resistance of a cold wire by its stress (:func:`~sma_actuator.base.lookup.row_of`); ``warmer_K``: how
+    much warmer its surroundings are than when that was measured.
     """
     usual_Ohm = looked_up(usual, 0, stress_Pa)
+    warmth_m = WARMER_WITHIN_1_K * warmer_K * usual_Ohm / known[OHM_PER_m]
+    usual_Ohm *= 1.0 + WARMER_1_K * warmer_K
     state[_READINGS] += 1.0
     state[_MORE_Ohm] += (resistance_Ohm - usual_Ohm - state[_MORE_Ohm]) / state[_READINGS]
     measured = sqrt(known[SCATTER_Ohm] ** 2 + known[READING_Ohm] ** 2 / state[_READINGS]) / known[OHM_PER_m]
     contacts = CONTACTS * usual_Ohm / known[OHM_PER_m]
     found, stroke = state[_MORE_Ohm] / known[OHM_PER_m], stroke_m(stress_Pa, ends)
     # What is no more than it may be otherwise off is nothing, or as much as such a wire usually is.
-    square = measured**2 + contacts**2
+    square = measured**2 + contacts**2 + warmth_m**2
     more = max(found**2 - square, 0.0)
     share = more / (square + more)
     begin(1.0, max(share * found, (SHORTEST - 1.0) * stroke), share, stress_Pa, ends, state)

@@ -58,6 +58,7 @@ class WholeRangeModel:
             martensite=np.array(
                 [*(c.cold_wire or (0.0,) * orientation.OF_COLD_WIRE), *(c.other_loads or orientation.FOLLOWS_AT_ONCE)]
             ),
+            ambient=c.ambient_temperature,
             seen=np.zeros(n),
             z=np.zeros(n),
             units=np.zeros(len(c.bias)),

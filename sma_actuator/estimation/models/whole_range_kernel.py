@@ -60,6 +60,7 @@ class Numbers(NamedTuple):
     output: np.ndarray  #: (units,)
     widths: np.ndarray  #: of the interval on either branch, (2, places)
     martensite: np.ndarray  #: how long its martensite is, and what resistance says of that (:mod:`.orientation`)
+    ambient: float  #: temperature of the surroundings in the calibration [°C]
     seen: np.ndarray  #: room for the features of a sample
     z: np.ndarray  #: for what is made of them
     units: np.ndarray  #: and for the tanh units
@@ -168,11 +169,18 @@ def _estimate(heating: bool, n: Numbers, out: np.ndarray) -> None:
 
 @jit
 def _of_other_loads(
-    resistance: float, stress: float, rests_cold: bool, first: bool, oriented: Floats, usual: Floats, n: Numbers
+    resistance: float,
+    stress: float,
+    ambient: float,
+    rests_cold: bool,
+    first: bool,
+    oriented: Floats,
+    usual: Floats,
+    n: Numbers,
 ) -> float:
     """What of the resistance is of martensite that formed under another load [Ω], which a cold wire at rest tells."""
     if rests_cold and (first or orientation.told(oriented)):
-        orientation.tell(resistance, stress, usual, n.ends, n.martensite, oriented)
+        orientation.tell(resistance, stress, ambient - n.ambient, usual, n.ends, n.martensite, oriented)
     if first and not orientation.told(oriented):
         return 0.0
     return n.martensite[orientation.OHM_PER_m] * orientation.longer_m(stress, n.ends, n.martensite, oriented)
@@ -216,7 +224,7 @@ def advance(
         rise = heat_rise(rested, n.thermal) if first else temperature_of(n.thermal, state) - ambient
         warms = heat_rise(power, n.thermal) - rise  # more than at rest: then its resistance is its heat's too
         rests_cold = rise < orientation.COLD_K and abs(warms) < orientation.RESTS_K
-        resistance -= _of_other_loads(resistance, stress, rests_cold, first, oriented, usual, n)
+        resistance -= _of_other_loads(resistance, stress, ambient, rests_cold, first, oriented, usual, n)
     resistance = at_usual_load_now(resistance, stress, n.resistances)
     share = 1.0
     # At rest, in the place that agrees with the temperature that is made of it; once in the text, as it is compiled

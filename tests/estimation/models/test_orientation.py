@@ -14,6 +14,7 @@ from sma_actuator.estimation.models.orientation import (
     PLAY,
     SHORTEST,
     USUALLY,
+    WARMER_1_K,
     WITHIN,
     begin,
     follow,
@@ -139,7 +140,7 @@ class TestTheColdWireAsAStrainGauge:
     def test_its_resistance_says_how_much_longer_it_is(self, off_m):
         state, known = nothing_known(), wire(stays=0.0)
         for _ in range(20):
-            tell(5.1 + PER_m * off_m, LIGHT_Pa, USUAL, ENDS, known, state)
+            tell(5.1 + PER_m * off_m, LIGHT_Pa, 0.0, USUAL, ENDS, known, state)
         assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(off_m, rel=0.06)
         by_chance_m, either_way_m = unsure_m(LIGHT_Pa, ENDS, known, state)
         assert by_chance_m > hypot(WITHIN * off_m, 1.8 * CONTACTS * 5.1 / PER_m) and either_way_m == 0.0
@@ -148,17 +149,37 @@ class TestTheColdWireAsAStrainGauge:
     @pytest.mark.parametrize("share", [-1.0, 0.5, 1.0])
     def test_other_contacts_are_no_other_length(self, share):
         state, known = nothing_known(), wire()
-        tell(5.1 * (1.0 + share * CONTACTS), LIGHT_Pa, USUAL, ENDS, known, state)
+        tell(5.1 * (1.0 + share * CONTACTS), LIGHT_Pa, 0.0, USUAL, ENDS, known, state)
         assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(0.0, abs=1e-9)
+
+    @pytest.mark.parametrize("warmer_K", [-15.0, 10.0])
+    @pytest.mark.parametrize("per_K", [3e-4, 7e-4, 1.1e-3])
+    def test_a_room_that_is_warmer_is_no_other_length(self, warmer_K, per_K):
+        state, known = nothing_known(), wire(stays=0.0)
+        tell(5.1 * (1.0 + per_K * warmer_K), LIGHT_Pa, warmer_K, USUAL, ENDS, known, state)
+        half_m, _ = unsure_m(LIGHT_Pa, ENDS, known, state)
+        assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(0.0, abs=1e-9)
+        assert half_m == 0.0  # it was seen to follow its load at once
+
+    @pytest.mark.parametrize("warmer_K", [-10.0, 10.0])
+    def test_how_sure_its_length_is_knows_of_the_room(self, warmer_K):
+        longer = []
+        for room_K in (0.0, warmer_K):
+            state, known = nothing_known(), wire(stays=0.0)
+            for _ in range(20):
+                tell(5.1 * (1.0 + WARMER_1_K * room_K) + PER_m * 1e-3, LIGHT_Pa, room_K, USUAL, ENDS, known, state)
+            longer.append((longer_m(LIGHT_Pa, ENDS, known, state), unsure_m(LIGHT_Pa, ENDS, known, state)[0]))
+        (usual_m, sure_m), (elsewhere_m, unsure) = longer
+        assert 0.8 * usual_m < elsewhere_m < usual_m and unsure > 1.5 * sure_m
 
     def test_readings_are_averaged_and_what_is_no_more_than_their_scatter_is_nothing(self):
         rng = np.random.default_rng(1)
         state, known = nothing_known(), wire(stays=0.0)
-        tell(5.1 + 3.5 * READING_Ohm, LIGHT_Pa, USUAL, ENDS, known, state)
+        tell(5.1 + 3.5 * READING_Ohm, LIGHT_Pa, 0.0, USUAL, ENDS, known, state)
         once_m, (unsure_once_m, _) = longer_m(LIGHT_Pa, ENDS, known, state), unsure_m(LIGHT_Pa, ENDS, known, state)
         assert once_m > 1e-5
         for _ in range(400):
-            tell(5.1 + rng.normal(0.0, READING_Ohm), LIGHT_Pa, USUAL, ENDS, known, state)
+            tell(5.1 + rng.normal(0.0, READING_Ohm), LIGHT_Pa, 0.0, USUAL, ENDS, known, state)
         assert abs(longer_m(LIGHT_Pa, ENDS, known, state)) < SCATTER_Ohm / PER_m
         assert unsure_m(LIGHT_Pa, ENDS, known, state)[0] < 0.5 * unsure_once_m
 
@@ -169,7 +190,7 @@ class TestTheColdWireAsAStrainGauge:
             (wire(0.0, 0.8), 0.2 * USUALLY * LIGHT_m),
         ):
             state = nothing_known()
-            tell(5.1, LIGHT_Pa, USUAL, ENDS, known, state)
+            tell(5.1, LIGHT_Pa, 0.0, USUAL, ENDS, known, state)
             square = (SCATTER_Ohm**2 + READING_Ohm**2 + (CONTACTS * 5.1) ** 2) / PER_m**2
             assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(0.0, abs=1e-9)
             half_m = 2.0 * least_m / sqrt(1.0 + least_m**2 / square)
@@ -177,12 +198,12 @@ class TestTheColdWireAsAStrainGauge:
 
     def test_a_wire_that_seems_shorter_than_any_is_warm(self):
         state, known = nothing_known(), wire()
-        tell(4.0, LIGHT_Pa, USUAL, ENDS, known, state)
+        tell(4.0, LIGHT_Pa, 0.0, USUAL, ENDS, known, state)
         assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx((SHORTEST - 1.0) * LIGHT_m)
 
     def test_it_forgets_as_it_contracts(self):
         state, known = nothing_known(), wire(stays=0.0)
-        tell(5.2, LIGHT_Pa, USUAL, ENDS, known, state)
+        tell(5.2, LIGHT_Pa, 0.0, USUAL, ENDS, known, state)
         began_m, (unsure_m_, _) = longer_m(LIGHT_Pa, ENDS, known, state), unsure_m(LIGHT_Pa, ENDS, known, state)
         follow(0.5 - PLAY, LIGHT_Pa, ENDS, known, state)
         assert not told(state)
