@@ -10,12 +10,9 @@ from __future__ import annotations
 
 import contextlib
 import json
-import random
 import signal
 import sys
-import tempfile
 from collections.abc import Callable
-from pathlib import Path
 from types import SimpleNamespace
 
 from sma_actuator.bench import VirtualBench
@@ -23,9 +20,7 @@ from sma_actuator.config import Config, read_parameter_file
 from sma_actuator.plant.loads import Weight
 
 from .hours import CONFIG
-from .nodes import Client, Node
-from .nursery import Nursery
-from .result import Result, Violation
+from .nodes import KilledNodes, Node
 from .stand import wait_until
 
 sys.path.insert(0, str(CONFIG.parent / "boards" / "rp2040" / "simulated"))
@@ -48,32 +43,13 @@ ENDS = (
 )
 
 
-class KillingBoards:
+class KillingBoards(KilledNodes):
     """A board and a node for each end, one after the other."""
 
-    def __init__(self, seed: int):
-        self.seed = seed
-        self.result = Result()
-        self._chance = random.Random(seed)
-        self._temporary = tempfile.TemporaryDirectory(prefix="sma_attack_")
-        self.folder = Path(self._temporary.name)
-        self.nursery, self.client = Nursery(), Client()
-        self.present = 0
-
-    def close(self) -> None:
-        """End everything."""
-        self.client.close()
-        self.nursery.close()
-        self._temporary.cleanup()
-
-    def broken(self, rule: str, detail: str) -> None:
-        """Write down a broken promise."""
-        replay = f"python -m attack boards --seed {self.seed} --count {self.present + 1}"
-        self.result.violations.append(Violation(rule, detail, replay))
+    ATTACK = "boards"
 
     def kill(self, number: int) -> None:
         """Drive the wire, end something, see the current go."""
-        self.present = number
         with SimulatedBoard(VirtualBench.from_name("flexinol", load=Weight(0.49)), MICROPYTHON.exists()) as board:
             parameters = read_parameter_file(CONFIG / "board.yaml")
             for role in ("supply", "daq"):  # for a machine that is busy with other things
@@ -137,12 +113,4 @@ def _soon(condition: Callable[[], bool]) -> None:
         wait_until(condition, 10.0)
 
 
-def attack(seed: int, count: int) -> Result:
-    """So many ends, one after the other, at random instants."""
-    killing = KillingBoards(seed)
-    try:
-        for number in range(count):
-            killing.kill(number)
-    finally:
-        killing.close()
-    return killing.result
+attack = KillingBoards.attack

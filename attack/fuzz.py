@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import json
 import math
-import random
 import struct
-import tempfile
 import time
-from pathlib import Path
 
 from sma_actuator.config import Config, read_parameter_file
 
 from .hours import CONFIG, OFF_AT_MOST_s
-from .nodes import Client, Node
-from .nursery import Nursery
+from .nodes import AttackedNodes, Client, Node
 from .promises import flat
-from .result import Result, Violation
+from .result import Result
 from .stand import Stand
 
 # After .nodes, which says where ROS may be heard.
@@ -44,18 +40,12 @@ TRANSITIONS = tuple(
 )
 
 
-class Fuzzing:
+class Fuzzing(AttackedNodes):
     """A node, and everything it is sent."""
 
     def __init__(self, seed: int):
-        self.seed = seed
-        self.result = Result()
-        self._chance = random.Random(seed)
-        self._temporary = tempfile.TemporaryDirectory(prefix="sma_attack_")
-        self.folder = Path(self._temporary.name)
+        super().__init__(seed)
         self.stand = Stand("--seed", str(seed))
-        self.nursery = Nursery()
-        self.client = Client()
         parameters = read_parameter_file(CONFIG / "flexinol.yaml")
         parameters["instruments"]["supply"]["resource"] = f"TCPIP::127.0.0.1::{self.stand.supply_port}::SOCKET"
         parameters["instruments"]["daq"]["resource"] = f"TCPIP::127.0.0.1::{self.stand.daq_port}::SOCKET"
@@ -76,17 +66,21 @@ class Fuzzing:
         """End everything."""
         if self._node is not None:
             self._node.end()
-        for client in (self.client, *self._others):
+        for client in self._others:
             client.close()
-        self.nursery.close()
+        super().close()
+
+    def _close_stand(self) -> None:
         self.stand.close()
-        self._temporary.cleanup()
+
+    @property
+    def replay(self) -> str:
+        """See :class:`AttackedNodes`."""
+        return f"python -m attack fuzz --seed {self.seed} --messages {self.result.counts['messages']}"
 
     def broken(self, rule: str, detail: str) -> None:
-        """Write down a broken promise."""
-        recent = "; ".join(self._recent[-3:])
-        replay = f"python -m attack fuzz --seed {self.seed} --messages {self.result.counts['messages']}"
-        self.result.violations.append(Violation(rule, f"{detail} (after: {recent})", replay))
+        """Write down a broken promise, and what was sent before it."""
+        super().broken(rule, f"{detail} (after: {'; '.join(self._recent[-3:])})")
 
     def run(self, messages: int) -> Result:
         """Send ``messages`` messages, parameters and calls among them."""

@@ -7,18 +7,14 @@ import hashlib
 import itertools
 import json
 import math
-import random
 import signal
-import tempfile
 from pathlib import Path
 
 from sma_actuator.config import Config, read_parameter_file
 
 from .hours import CONFIG, OFF_AT_MOST_s
-from .nodes import Client, Node
-from .nursery import Nursery
+from .nodes import KilledNodes, Node
 from .promises import Promises
-from .result import Result, Violation
 from .stand import Stand, wait_until
 
 #: What the bench's tick, its answers and the judge's look add to a time.
@@ -29,21 +25,17 @@ SIGNALS = (signal.SIGKILL, signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal
 ROWS_LOST_s = 0.25
 
 
-class Killing:
+class Killing(KilledNodes):
     """One bench, and nodes on it that are killed one after the other."""
 
+    ATTACK = "kills"
+
     def __init__(self, seed: int):
-        self.seed = seed
-        self.result = Result()
-        self._chance = random.Random(seed)
-        self._temporary = tempfile.TemporaryDirectory(prefix="sma_attack_")
-        self.folder = Path(self._temporary.name)
+        super().__init__(seed)
         self.logs = self.folder / "logs"
         self.logs.mkdir()
         self.foreign = self._foreign_files()
         self.stand = Stand("--seed", str(seed))
-        self.nursery = Nursery()
-        self.client = Client()
         parameters = read_parameter_file(CONFIG / "flexinol.yaml")
         parameters["instruments"]["supply"]["resource"] = f"TCPIP::127.0.0.1::{self.stand.supply_port}::SOCKET"
         parameters["instruments"]["daq"]["resource"] = f"TCPIP::127.0.0.1::{self.stand.daq_port}::SOCKET"
@@ -54,25 +46,15 @@ class Killing:
         self.promised_s = min(
             Promises(Config.from_mapping(parameters).to_mapping()).within_s("node_lost"), OFF_AT_MOST_s
         )
-        self.present = 0
 
-    def close(self) -> None:
-        """End everything; no file of somebody else may have changed."""
-        self.client.close()
-        self.nursery.close()
+    def _close_stand(self) -> None:
+        """No file of somebody else may have changed."""
         self.stand.close()
         if self._foreign_now() != self.foreign:
             self.broken("a file of somebody else was touched", str(set(self.foreign) - set(self._foreign_now())))
-        self._temporary.cleanup()
-
-    def broken(self, rule: str, detail: str) -> None:
-        """Write down a broken promise."""
-        replay = f"python -m attack kills --seed {self.seed} --count {self.present + 1}"
-        self.result.violations.append(Violation(rule, detail, replay))
 
     def kill(self, number: int) -> None:
         """Start a node, drive the wire, send it a signal, see the current go."""
-        self.present = number
         node = Node(self.nursery, self.parameters, self.folder / f"node{number}.log", NAME)
         try:
             words = self.client.drive(NAME, self.stand, lambda: node.ended is None)
@@ -159,12 +141,4 @@ class Killing:
         return {path: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths if path.exists()}
 
 
-def attack(seed: int, count: int) -> Result:
-    """Kill ``count`` nodes, one after the other, at random instants."""
-    killing = Killing(seed)
-    try:
-        for number in range(count):
-            killing.kill(number)
-    finally:
-        killing.close()
-    return killing.result
+attack = Killing.attack

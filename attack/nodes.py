@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import os
+import random
 import signal
 import subprocess
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -20,6 +22,7 @@ from rclpy.executors import SingleThreadedExecutor
 from std_srvs.srv import SetBool, Trigger
 
 from .nursery import Nursery
+from .result import Result, Violation
 from .stand import SOON_s
 
 
@@ -108,3 +111,59 @@ class Client:
         self._executor.shutdown()
         self.node.destroy_node()
         rclpy.try_shutdown(context=self.context)
+
+
+class AttackedNodes:
+    """Nodes that are attacked at random, a client that talks to them, and what came of it."""
+
+    def __init__(self, seed: int):
+        self.seed = seed
+        self.result = Result()
+        self._chance = random.Random(seed)
+        self._temporary = tempfile.TemporaryDirectory(prefix="sma_attack_")
+        self.folder = Path(self._temporary.name)
+        self.nursery, self.client = Nursery(), Client()
+
+    def close(self) -> None:
+        """End everything."""
+        self.client.close()
+        self.nursery.close()
+        self._close_stand()
+        self._temporary.cleanup()
+
+    def _close_stand(self) -> None:
+        """End what the nodes were driven on, while the folder is there yet."""
+
+    @property
+    def replay(self) -> str:
+        """The command that does the same again."""
+        raise NotImplementedError
+
+    def broken(self, rule: str, detail: str) -> None:
+        """Write down a broken promise."""
+        self.result.violations.append(Violation(rule, detail, self.replay))
+
+
+class KilledNodes(AttackedNodes):
+    """Of which each is ended by a signal, or what it drives is."""
+
+    ATTACK = ""  #: its name at the command line
+    present = 0  #: how many were before
+
+    @property
+    def replay(self) -> str:
+        """See :class:`AttackedNodes`."""
+        return f"python -m attack {self.ATTACK} --seed {self.seed} --count {self.present + 1}"
+
+    def kill(self, number: int) -> None:
+        """Start a node, drive the wire, end something, see the current go."""
+        raise NotImplementedError
+
+    @classmethod
+    def attack(cls, seed: int, count: int) -> Result:
+        """So many ends, one after the other, at random instants."""
+        with contextlib.closing(cls(seed)) as killing:
+            for number in range(count):
+                killing.present = number
+                killing.kill(number)
+        return killing.result

@@ -127,7 +127,6 @@ def fit(
     lo, hi = np.array([f.lo for f in free]), np.array([f.hi for f in free])
     span = hi - lo
     weights = [1.0 / np.sqrt(len(run.coarse_duty) * len(runs)) for run in runs]
-
     usual = (np.array([f.start for f in free]) - lo) / span
 
     def wrong(x):
