@@ -4,38 +4,40 @@ import pytest
 
 pytest.importorskip("rclpy")
 from plug_in import environment
-from processes import wait_until
+from processes import Bench, Client, NodeProcess, parameter_file, wait_until
 from std_msgs.msg import Float64
 from std_srvs.srv import SetBool, Trigger
 
 from sma_msgs_py import setpoint_message
 
-NAME = "/sma_actuator"
-
-
 BUILT = '        """The law with this band."""\n'
+BEGUN = "        self.reference_m, self.output_A = position_m, output_A\n"
 STEPPED = "        self.reference_m = setpoint_m\n"
 
 
-@pytest.fixture
-def start_on_off(tmp_path, monkeypatch, make_config, start_bench, start_node):
-    """Bench and node with the law of the package, in whose code something stands after a line, once ``now`` exists."""
-
-    def start(line, does):
-        bench = start_bench("--load", "weight:0.98")
-        parameters = make_config(instruments=bench.instruments(), **{"instruments.supply.dialect": "tiny_supply"})
-        parameters["controller"] = {"type": "on_off", "band": 1e-4}
-        monkeypatch.setenv("PYTHONPATH", environment(tmp_path)["PYTHONPATH"])
-        law = tmp_path / "site/sma_tiny/on_off.py"
-        written = law.read_text()
+def with_law(folder, does):
+    """The environment in which a law of the package is found, in whose code something stands after each of some
+    lines."""
+    found = environment(folder)["PYTHONPATH"]
+    law = folder / "site/sma_tiny/on_off.py"
+    written = law.read_text()
+    for line, more in does.items():
         assert written.count(line) == 1
-        law.write_text(written.replace(line, line + does))
-        return bench, start_node(parameters, fresh=True)
+        written = written.replace(line, line + more)
+    law.write_text(written)
+    return found
 
-    return start
+
+def started(folder, monkeypatch, make_config, bench, does, *arguments, name="sma_actuator"):
+    """A node of its own interpreter, which reads what of other packages there is."""
+    parameters = make_config(instruments=bench.instruments(), **{"instruments.supply.dialect": "tiny_supply"})
+    parameters["controller"] = {"type": "on_off", "band": 1e-4}
+    monkeypatch.setenv("PYTHONPATH", with_law(folder, does))
+    path = parameter_file(folder, {name: parameters})
+    return NodeProcess(["--ros-args", "--params-file", str(path), *arguments], folder, fresh=True)
 
 
-LAW = f"{NAME}: control law 'on_off'"
+LAW = "/sma_actuator: control law 'on_off'"
 
 
 @pytest.mark.parametrize(
@@ -47,61 +49,50 @@ LAW = f"{NAME}: control law 'on_off'"
     ],
     ids=["raises when it is built", "leaves when it is built", "raises when it is imported"],
 )
-def test_a_law_that_cannot_be_made_ends_the_node_with_its_words(line, does, said, start_on_off):
-    bench, node = start_on_off(line, does)
+def test_a_law_that_cannot_be_made_ends_the_node_with_its_words(
+    line, does, said, tmp_path, monkeypatch, make_config, start_bench
+):
+    bench = start_bench("--load", "weight:0.98")
+    node = started(tmp_path, monkeypatch, make_config, bench, {line: does})
     assert node.ends() == 1
     assert f"\nsma_actuator_node: {said}" in f"\n{node.words}"
     assert "waiting for the instruments" not in node.words
     assert bench.current_A() == 0.0
 
 
-@pytest.mark.parametrize(
-    ("line", "leaves", "said"),
-    [
-        (STEPPED, "sys.exit(3)", "SystemExit: 3"),
-        (STEPPED, "raise RuntimeError('worn')", "RuntimeError: worn"),
-        ("        self.reference_m, self.output_A = position_m, output_A\n", "sys.exit(4)", "SystemExit: 4"),
-    ],
-    ids=["exit in a step", "exception in a step", "exit as it begins"],
-)
-def test_a_law_that_leaves_while_it_drives_is_a_fault_and_the_node_goes_on(
-    line, leaves, said, tmp_path, start_on_off, client
-):
-    now = tmp_path / "now"
-    bench, node = start_on_off(
-        line, f"        import os, sys\n\n        if os.path.exists({str(now)!r}):\n            {leaves}\n"
-    )
-
-    def enabled():
-        return client.call(f"{NAME}/enable", SetBool, SetBool.Request(data=True)).success
-
-    client.spin_until(enabled, what="enabling")
-    wait_until(lambda: bench.current_A() > 0.0, what="the current at the wire")
-    if "position_m" in line:
-        client.call(f"{NAME}/enable", SetBool, SetBool.Request(data=False))
-        now.touch()
-        client.spin_until(enabled, what="enabling")
-    now.touch()
-    wait_until(lambda: f"control law 'on_off': {said}" in node.words, what="the fault")
-    wait_until(lambda: bench.current_A() == 0.0, what="the end of the current")
-    now.unlink()
-    assert client.call(f"{NAME}/clear_fault", Trigger).success
-    client.spin_until(enabled, what="enabling")
-    wait_until(lambda: bench.current_A() > 0.0, what="the current at the wire")
+NAME = "/driven/sma_actuator"
 
 
-def test_a_wire_is_driven_by_a_law_and_a_dialect_of_another_package(
-    tmp_path, monkeypatch, make_config, start_bench, start_node, client
-):
-    bench = start_bench("--load", "weight:0.98")
-    parameters = make_config(instruments=bench.instruments(), **{"instruments.supply.dialect": "tiny_supply"})
-    parameters["controller"] = {"type": "on_off", "band": 1e-4}
-    monkeypatch.setenv("PYTHONPATH", environment(tmp_path)["PYTHONPATH"])
-    start_node(parameters, fresh=True)
+@pytest.fixture(scope="module")
+def driven(folder, make_config):
+    """(bench, node, client, folder) of a node with that law, which does what is written in files ``begun`` and
+    ``stepped`` of the folder, where there are some."""
+    does = {
+        line: "        import contextlib\n        import pathlib\n\n        does = ''\n"
+        "        with contextlib.suppress(FileNotFoundError):\n"
+        f"            does = pathlib.Path({str(folder / name)!r}).read_text()\n"
+        "        exec(does)\n"
+        for line, name in ((BEGUN, "begun"), (STEPPED, "stepped"))
+    }
+    bench = Bench(folder, "--load", "weight:0.98")
+    with pytest.MonkeyPatch.context() as patch:
+        node = started(folder, patch, make_config, bench, does, "-r", "__ns:=/driven", name=NAME)
+    client = Client()
+    yield bench, node, client, folder
+    client.close()
+    node.close()
+    bench.close()
+
+
+def enable(client, on=True):
+    """Whether it is."""
+    return client.call(f"{NAME}/enable", SetBool, SetBool.Request(data=on)).success
+
+
+def test_a_wire_is_driven_by_a_law_and_a_dialect_of_another_package(driven):
+    bench, _, client, _ = driven
     client.next(f"{NAME}/command_current", Float64)
-    client.spin_until(
-        lambda: client.call(f"{NAME}/enable", SetBool, SetBool.Request(data=True)).success, what="enabling"
-    )
+    client.spin_until(lambda: enable(client), what="enabling")
     bias_A, much_A = 0.05, 0.15  # the limit of the wire's temperature lies above that
     client.next(f"{NAME}/command_current", Float64, lambda m: m.data == pytest.approx(bias_A))
     client.publish(f"{NAME}/setpoint", setpoint_message(0.0010))
@@ -109,3 +100,31 @@ def test_a_wire_is_driven_by_a_law_and_a_dialect_of_another_package(
     wait_until(lambda: bench.current_A() > much_A, what="the current at the wire")
     client.publish(f"{NAME}/setpoint", setpoint_message(0.0040))
     client.next(f"{NAME}/command_current", Float64, lambda m: m.data == pytest.approx(bias_A))
+
+
+@pytest.mark.parametrize(
+    ("where", "leaves", "said"),
+    [
+        ("stepped", "import sys; sys.exit(3)", "SystemExit: 3"),
+        ("stepped", "raise RuntimeError('worn')", "RuntimeError: worn"),
+        ("begun", "import sys; sys.exit(4)", "SystemExit: 4"),
+    ],
+    ids=["exit in a step", "exception in a step", "exit as it begins"],
+)
+def test_a_law_that_leaves_while_it_drives_is_a_fault_and_the_node_goes_on(where, leaves, said, driven):
+    bench, node, client, folder = driven
+    written, now = folder / "written", folder / where
+    written.write_text(leaves)
+    client.spin_until(lambda: enable(client), what="enabling")
+    wait_until(lambda: bench.current_A() > 0.0, what="the current at the wire")
+    if where == "begun":
+        enable(client, on=False)
+    written.rename(now)
+    if where == "begun":
+        client.spin_until(lambda: enable(client), what="enabling")
+    wait_until(lambda: f"control law 'on_off': {said}" in node.words, what="the fault")
+    wait_until(lambda: bench.current_A() == 0.0, what="the end of the current")
+    now.unlink()
+    assert client.call(f"{NAME}/clear_fault", Trigger).success
+    client.spin_until(lambda: enable(client), what="enabling")
+    wait_until(lambda: bench.current_A() > 0.0, what="the current at the wire")

@@ -138,20 +138,20 @@ def test_two_effects_are_both_found(wire, config):
 
 
 @pytest.mark.parametrize(
-    ("hidden", "by_its_form", "without"),
+    ("hidden", "by_its_form", "without", "logs"),
     [
         # Louder than usual, and with nothing: no curve takes it off, and no effect.
-        ({"hum": 6e-5}, GOES_WITH_NOTHING, BUT_SOME),
-        pytest.param({"hum": 6e-5}, GOES_WITH_NOTHING, [], marks=pytest.mark.long),
+        ({"hum": 6e-5}, GOES_WITH_NOTHING, BUT_SOME, 1),
+        pytest.param({"hum": 6e-5}, GOES_WITH_NOTHING, [], 2, marks=pytest.mark.long),
         # In the mean a loose contact is a lead; the jumps to and fro are none, and go with whatever is asked.
-        pytest.param({"contact_bounce": 0.06}, "goes with", [], marks=pytest.mark.long),
+        pytest.param({"contact_bounce": 0.06}, "goes with", [], 2, marks=pytest.mark.long),
         # A thermo-voltage is a zero error where the wire is hot, and none where it is cold.
-        pytest.param({"thermo_voltage": 1.4e-4}, "goes with", [], marks=pytest.mark.long),
+        pytest.param({"thermo_voltage": 1.4e-4}, "goes with", [], 2, marks=pytest.mark.long),
     ],
     ids=("hum", "hum among all", "contact_bounce", "thermo_voltage"),
 )
-def test_what_has_no_name_stays_without(wire, config, hidden, by_its_form, without):
-    found = trace(Evidence(session(wire[0], hidden), config), without=without, jobs=1)
+def test_what_has_no_name_stays_without(wire, config, hidden, by_its_form, without, logs):
+    found = trace(Evidence(session(wire[0], hidden, logs=logs), config), without=without, jobs=1)
     assert found.verdict == "unexplained" and found.names == []
     said = sentence(found, {}, [])
     assert "There is an error that no candidate explains" in said
@@ -250,7 +250,7 @@ def test_a_spring_tells_a_drifting_sensor_from_a_creeping_wire(wire, config, log
 
 def test_a_load_that_is_read_a_reading_later_than_the_displacement_is_nothing(wire, config):
     """Converters take one channel after the other, and filter each; a displacement that is far later is a delay."""
-    logs, found = session(wire[0], load=Spring(300.0, 0.5)), {}
+    logs, found = session(wire[0], load=Spring(300.0, 0.5), logs=1), {}
     for channel, late in (("load_cell_voltage_V", 1), ("lvdt_current_A", 12)):
         delayed = [changed(log, **{channel: _later(log[channel], late)}) for log in logs]
         rows = Rows(evidence := Evidence(delayed, config))
@@ -331,7 +331,7 @@ def test_a_slip_is_no_drift_however_much_a_drift_mends(wire, config, logs):
 )
 def test_an_effect_at_the_end_where_it_is_another_has_no_name(wire, config, hidden, imitator, end):
     """A drift at once is a lead, a creep at once a compliance, and a wear that takes no stroke a creep."""
-    evidence = Evidence(session(wire[0], hidden), config)
+    evidence = Evidence(session(wire[0], hidden, logs=1), config)
     found = Rows(evidence).effects([candidate(imitator, scales_of(evidence))])
     assert f"{imitator}'s {end}" in found.objection
 
@@ -466,13 +466,13 @@ def test_large_residuals_count_linearly():
 def test_a_large_effect_is_fitted_though_a_small_one_is_worse_than_none(wire, config, change):
     """A hot rest counts where the wire takes about the power that it took: a heat loss a tenth less brings these
     there."""
-    evidence = Evidence(session(wire[0], {"heat_loss": change}), config)
+    evidence = Evidence(session(wire[0], {"heat_loss": change}, logs=1), config)
     found = fit(evidence, [candidate("heat_loss", scales_of(evidence))], Rows(evidence).usual)
     assert found.values["heat_loss"]["change"] == pytest.approx(change, abs=0.03)
 
 
 def test_no_other_time_of_a_slip_explains_more(wire, config):
-    evidence = Evidence(session(wire[0], {"slip": 4e-5}, seed=2), config)
+    evidence = Evidence(session(wire[0], {"slip": 4e-5}, seed=2, logs=1), config)
     slip, usual = candidate("slip", scales_of(evidence)), Rows(evidence).usual
     found = likeliest(evidence, [slip], usual)
     length, time_s = found.values["slip"]["length"], found.values["slip"]["time"]
@@ -673,7 +673,7 @@ def test_bad_logs_are_refused_in_a_sentence(wire, config, spoil, said):
 @pytest.fixture(scope="module")
 def a_lead(wire, config):
     """(evidence, tracing) of a session with a lead of 0.03 Ω more."""
-    evidence = Evidence(session(wire[0], {"lead_resistance": 0.03}), config)
+    evidence = Evidence(session(wire[0], {"lead_resistance": 0.03}, logs=1), config)
     return evidence, trace(evidence, jobs=1)
 
 
@@ -826,7 +826,7 @@ def test_what_cannot_have_happened_alone_is_no_measure_for_pairs(sketched):
 )
 def test_what_two_move_alone_says_that_they_may_have_happened_together(wire, config, hidden):
     """Whatever looks likelier by itself: each alone leaves what the other does."""
-    evidence = Evidence(session(wire[0], hidden), config)
+    evidence = Evidence(session(wire[0], hidden, logs=1), config)
     names = [n for n in EFFECTS if n not in untestable(EFFECTS, scales_of(evidence)) and n != "slip"]
     problems = [Problem(evidence, [candidate(n, scales_of(evidence))]) for n in names]
     alone = [SimpleNamespace(fitted=SimpleNamespace(problem=problem)) for problem in problems]
