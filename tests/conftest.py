@@ -14,6 +14,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -29,6 +30,8 @@ from sma_actuator.config import Config
 
 if TYPE_CHECKING:
     from characterised import Characterised
+
+    from sma_actuator.identify import Identification
 
 # A machine may stand still at any instant: an example that takes long, or is drawn slowly, has not failed.
 settings.register_profile("patient", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -244,6 +247,17 @@ def flexinol(tmp_path_factory: pytest.TempPathFactory) -> Characterised:
     from characterised import Characterised
 
     return made_once(tmp_path_factory, "flexinol", partial(Characterised, "flexinol"))
+
+
+@pytest.fixture(scope="session")
+def identified_flexinol(flexinol: Characterised, tmp_path_factory: pytest.TempPathFactory) -> Identification:
+    """The model of all of its logs, second order."""
+    from sma_actuator.identify import identify
+
+    def make(_: Path) -> Identification:
+        return identify(flexinol.logs, flexinol.mapping, "flexinol", order=2)
+
+    return made_once(tmp_path_factory, "identified_flexinol", make)
 
 
 @pytest.fixture(scope="session")

@@ -33,10 +33,10 @@ from sma_actuator.plant.worlds import HOME, wire_in_world
 from sma_actuator.replay import estimate_m
 
 
-@pytest.fixture(scope="module")
-def joint(flexinol):
+@pytest.fixture
+def joint(identified_flexinol):
     """The joint fit of the Ni-Ti wire, second order."""
-    return identify(flexinol.logs, flexinol.mapping, "flexinol", order=2)
+    return identified_flexinol
 
 
 @pytest.fixture(scope="module")

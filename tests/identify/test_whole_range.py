@@ -202,11 +202,10 @@ def test_a_stretch_of_a_log_goes_on_from_the_one_before(whole, unseen):
     assert not np.array_equal(predict(model, stretches[1:]), at_once[-len(stretches[1].displacement_m) :])
 
 
-def test_unseen_logs_are_met_over_the_whole_range_and_better_than_by_the_thesis(whole, unseen, flexinol):
-    thesis = identify(flexinol.logs, flexinol.mapping, "flexinol", order=2)
+def test_unseen_logs_are_met_over_the_whole_range_and_better_than_by_the_thesis(whole, unseen, identified_flexinol):
     errors, inside = {"thesis": [], "whole": []}, []
     for log in unseen:
-        for name, config in (("thesis", thesis.config), ("whole", whole.config)):
+        for name, config in (("thesis", identified_flexinol.config), ("whole", whole.config)):
             experiment = make_experiment(log, config)
             found = Chain(config).run(experiment.signals)
             errors[name].append(

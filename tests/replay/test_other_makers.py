@@ -9,16 +9,15 @@ import pytest
 from sma_actuator.cli.identify import write_model
 from sma_actuator.cli.main import main
 from sma_actuator.config import Config
-from sma_actuator.identify import identify
 from sma_actuator.logs.bench_log import BenchLog, signals_from_log, write_bench_log
 
 G = 9.80665e-3  #: newtons per gram
 
 
 @pytest.fixture(scope="module")
-def model_file(flexinol, tmp_path_factory):
+def model_file(identified_flexinol, tmp_path_factory):
     path = tmp_path_factory.mktemp("model") / "model.yaml"
-    write_model(path, identify(flexinol.logs, flexinol.mapping, "flexinol", order=2))
+    write_model(path, identified_flexinol)
     return path
 
 

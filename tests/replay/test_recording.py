@@ -12,7 +12,6 @@ from sma_actuator.characterise.operators import BenchOperator
 from sma_actuator.cli.main import main
 from sma_actuator.config import NODE_NAME, Config
 from sma_actuator.driver import Driver
-from sma_actuator.identify import identify
 from sma_actuator.logs.bench_log import read_bench_log
 from sma_actuator.logs.recorder import BenchLogRecorder
 
@@ -20,10 +19,10 @@ PULSES = (0.0040, 0.0005)  #: setpoints [m] beyond the working range: the driver
 
 
 @pytest.fixture(scope="module")
-def model_file(flexinol, tmp_path_factory):
+def model_file(identified_flexinol, tmp_path_factory):
     """The identified wire, with a loop that bears a hiccup."""
-    result = identify(flexinol.logs, flexinol.mapping, "flexinol", order=2)
-    mapping = {**result.mapping, "safety": {**result.mapping["safety"], "reading_timeout": 1.0, "load_spike": 2.0}}
+    found = identified_flexinol.mapping
+    mapping = {**found, "safety": {**found["safety"], "reading_timeout": 1.0, "load_spike": 2.0}}
     path = tmp_path_factory.mktemp("model") / "model.yaml"
     path.write_text(yaml.safe_dump({NODE_NAME: {"ros__parameters": mapping}}))
     return path

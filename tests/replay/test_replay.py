@@ -14,7 +14,6 @@ from sma_actuator.base.signals import Signals
 from sma_actuator.cli.identify import write_model
 from sma_actuator.cli.main import main
 from sma_actuator.estimation.chain import Chain
-from sma_actuator.identify import identify
 from sma_actuator.identify.fitters.fitting import make_data
 from sma_actuator.identify.verdict.errors import log_error
 from sma_actuator.logs.bench_log import read_bench_log
@@ -26,10 +25,10 @@ from sma_actuator.replay.baselines import Duhem, NeuralNetwork, PolynomialInResi
 from sma_actuator.replay.replaying import verdict, winners
 
 
-@pytest.fixture(scope="module")
-def model(flexinol):
+@pytest.fixture
+def model(identified_flexinol):
     """The identified Ni-Ti wire."""
-    return identify(flexinol.logs, flexinol.mapping, "flexinol", order=2)
+    return identified_flexinol
 
 
 def test_a_replay_gives_what_the_node_would_have_given(flexinol, model):
