@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.stats import norm
+import scipy
 
 from sma_actuator.diagnosis.trace.candidates import Candidate
 from sma_actuator.diagnosis.trace.covariance import Covariance
@@ -81,7 +81,7 @@ def test_nothing_is_paid_for_what_cannot_be(true):
     mean, deviation = -np.linalg.solve(information, a.T @ usual.whiten(base)), np.sqrt(np.linalg.inv(information)[0, 0])
     together = Covariance(SMOOTH, LIMITS.size * SLOPES)
     both_signs = together.log_likelihood(float(np.sum(together.whiten(base) ** 2)))
-    expected = both_signs + float(norm.logsf(-mean[0] / deviation)) + math.log(2.0)
+    expected = both_signs + float(scipy.stats.norm.logsf(-mean[0] / deviation)) + math.log(2.0)
     assert found.log_evidence(usual) == pytest.approx(expected, abs=0.05)
 
 
@@ -107,7 +107,7 @@ def densely(found, covariance):
     squares += 2.0 * d * np.outer(one, other) + b @ b
     likely = covariance.log_likelihood(0.0) - 0.5 * squares + np.add.outer(*before)
     (low, high), mean = ends / p.spread, np.log(np.multiply.outer(of_one, of_other))
-    usual = np.sum(np.log(norm.cdf(high) - norm.cdf(low))) + 2.0 * 0.5 * math.log(2.0 * math.pi)
+    usual = np.sum(np.log(scipy.stats.norm.cdf(high) - scipy.stats.norm.cdf(low))) + 2.0 * 0.5 * math.log(2.0 * math.pi)
     return float(np.logaddexp.reduce(likely + mean, axis=None) - usual - np.sum(np.log(p.spread)))
 
 

@@ -1,10 +1,6 @@
 """What the page says agrees with its verdict."""
 
 import pytest
-from matplotlib.colors import to_rgba
-
-from sma_actuator.diagnosis.trace import page as pages
-from sma_actuator.report import Page
 
 
 @pytest.mark.parametrize(
@@ -18,6 +14,11 @@ from sma_actuator.report import Page
     ids=["traced", "one of two", "none", "unexplained"],
 )
 def test_the_most_probable_is_green_only_where_it_was_given(verdict, names, color, monkeypatch):
+    from matplotlib.colors import to_rgba  # whoever collects the tests has no need of pictures
+
+    from sma_actuator.diagnosis.trace import page as pages
+    from sma_actuator.report import Page
+
     drawn = []
 
     def kept(*arguments, **options):
