@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .evidence import Comparison
+from .evidence import Comparison, Evidence
 from .witnesses import WITNESSES
 
 
@@ -20,6 +20,11 @@ class Errors:
     percent: np.ndarray  #: mean absolute error, % of full stroke
     unexpected_percent: np.ndarray  #: what of that the calibration does not let expect
     witnesses: dict[str, float]  #: how far off each is that there is, rms in standard deviations of the calibration
+
+
+def losses(evidence: Evidence, rows: np.ndarray) -> np.ndarray:
+    """Loss of every unit, shape (units,), of the rows of a :class:`Comparison`."""
+    return 0.5 * np.bincount(evidence.unit_of_row, rows**2, minlength=evidence.units)
 
 
 def errors_of(comparison: Comparison) -> Errors:
@@ -35,4 +40,4 @@ def errors_by(comparison: Comparison, rows: np.ndarray, percent: np.ndarray, une
     number = np.bincount(witness, minlength=len(WITNESSES))
     squares = np.bincount(witness, off**2, minlength=len(WITNESSES))
     witnesses = {name: math.sqrt(s / n) for name, s, n in zip(WITNESSES, squares, number, strict=True) if n}
-    return Errors(comparison, evidence.losses(rows), percent, unexpected_percent, witnesses)
+    return Errors(comparison, losses(evidence, rows), percent, unexpected_percent, witnesses)

@@ -143,10 +143,6 @@ class Evidence:
             for expected_m in [self.of_displacement.expected_m(i, found, here, ambient_counts)]
         ]
 
-    def losses(self, rows: np.ndarray) -> np.ndarray:
-        """Loss of every unit, shape (units,), of the rows of a :class:`Comparison`."""
-        return 0.5 * np.bincount(self.unit_of_row, rows**2, minlength=self.units)
-
     def means(self, of_compared: np.ndarray) -> np.ndarray:
         """Mean in every unit of something of the samples compared, shape (units,)."""
         return _means(of_compared, self.of_displacement.row_units, self.units)

@@ -18,7 +18,8 @@ def held_where_the_wire_was(
     evidence: Evidence, asked: list[Asked], jobs: int, progress: Progress
 ) -> tuple[Evidence, list[Asked]]:
     """The evidence with that floor, and the effects that are ``asked`` about with what was found of them on the way."""
-    anywhere = Rows(evidence.seldom_and_anywhere(), forms=(0.0,))
+    seldom = evidence.seldom_and_anywhere()
+    anywhere = Rows(seldom, forms=(0.0,))
     found = fitted(anywhere, asked, jobs, progress, "where the wire was")
     possible = [anywhere.nothing(), *(one for one in found if not one.why_none)]
     best = max(possible, key=lambda one: where_it_was(anywhere, one))

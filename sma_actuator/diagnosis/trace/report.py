@@ -19,6 +19,7 @@ from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL, QUANTITIES
 
 from . import why
 from .anatomy import anatomy
+from .errors import losses
 from .evidence import Evidence
 from .experiments import best_experiment
 from .likeliest import likeliest
@@ -308,12 +309,12 @@ def _shares(tracing: Tracing) -> dict[str, float]:
     if len(found.candidates) == 1:
         return {found.candidates[0].name: float(tracing.share)}
     evidence = tracing.evidence
-    all_, covariance = evidence.losses(found.rows).mean(), Rows(evidence).usual
+    all_, covariance = losses(evidence, found.rows).mean(), Rows(evidence).usual
     lost = {}
     for c in found.candidates:
         others = [x for x in found.candidates if x is not c]
         without = likeliest(evidence, others, covariance, found.values)
-        lost[c.name] = max(float(evidence.losses(without.rows).mean() - all_), 0.0)
+        lost[c.name] = max(float(losses(evidence, without.rows).mean() - all_), 0.0)
     total = sum(lost.values()) or 1.0
     return {name: float(x / total * tracing.share) for name, x in lost.items()}
 

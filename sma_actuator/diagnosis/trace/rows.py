@@ -23,6 +23,8 @@ from .evidence import Evidence
 from .likeliest import likeliest
 from .limits import LIMITS
 from .problem import Likeliest
+from .quantities import quantities
+from .shared import as_one
 from .smooth_errors import SmoothErrors
 from .witnesses import Residual
 
@@ -84,13 +86,13 @@ class Rows:
         #: Rows of the model as it is, and the same without Huber's limit.
         self.plain, self.off = as_it_is.rows, as_it_is.off
         #: What is off together; None where a model's own errors are what is looked for.
-        self.smooth = None if evidence.beyond_floor else SmoothErrors(as_it_is)
+        self.smooth = None if evidence.beyond_floor else SmoothErrors(as_it_is, quantities(as_it_is))
         #: As how much of one each reading counts.  Without smooth errors nobody says what is off together; what is
         #: found so is held against other logs later.
         self.share = 1.0
         if self.smooth is not None:
-            as_one = self.smooth.as_one(evidence, self.plain)
-            self.share = evidence.readings / float(evidence.independent.sum()) / as_one
+            independent = float(evidence.independent.sum())
+            self.share = evidence.readings / independent / as_one(evidence, self.smooth, self.plain)
         #: Of a session in which nothing has happened.
         self.usual = self._covariance()
 

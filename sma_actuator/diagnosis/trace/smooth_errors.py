@@ -5,20 +5,15 @@ two reasons: readings that are near to each other share their error (the evidenc
 errs in the same way wherever the wire comes to the same place by the same way.  The latter are *smooth errors* over
 where the wire is and what it does, and an offset of each witness; they are no more likely to be small in a long
 session than in a short one (Kennedy and O'Hagan 2001).
-
-How long readings share their error is known of the calibration's sessions.  Another may err for longer at a time: of
-what not even large smooth errors over everything at once take off, that is seen in itself.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
-from sma_actuator.calibration.expectation import correlation_time_s
-
-from .covariance import Covariance
-from .evidence import Comparison, Evidence
-from .quantities import quantities
+from .evidence import Comparison
 from .witnesses import WITNESSES
 
 PLACE = "place"  #: of the wire, and by which branch it came there
@@ -41,21 +36,18 @@ NEW = (
     "resistance_Ohm",
 )
 WITH_PLACE = ("time_s", "stress_Pa", "power_lagged_10_s_W")
-LARGE_sigma = 10.0  #: smooth errors that leave only what goes with nothing
-STEPS = 50  #: times at which one may have come at once
 
 
 class SmoothErrors:
     """What may be off together, as columns of the rows of some evidence, each of the size of the floor."""
 
-    def __init__(self, comparison: Comparison):
-        """``comparison``: with the model as it is."""
-        evidence, found = comparison.evidence, quantities(comparison)
+    def __init__(self, comparison: Comparison, found: Mapping[str, np.ndarray]):
+        """``comparison``: with the model as it is; ``found``: the quantities that its residual may depend on."""
+        evidence = comparison.evidence
         samples, rows = evidence.rows_of_samples, len(evidence.unit_of_row)
         #: Root of how many readings each row counts as, shape (rows,).
         self.weight = np.concatenate((evidence.sample_weight, np.ones(rows - samples)))
         nowhere = np.zeros(samples)
-        self._time_s = found["time_s"]
         place = _hats(found.get("displacement_m", nowhere), KNOTS)
         heating = (found.get("branch", nowhere) > 0.5)[:, None]
         repeating = [place * heating, place * ~heating, *(_hats(found[n], KNOTS) for n in REPEATING if n in found)]
@@ -80,37 +72,6 @@ class SmoothErrors:
         for k in np.unique(witness):
             of_it = (witness == k)[:, None]
             self.new[WITNESSES[k]] = self._columns(nothing, of_it * np.column_stack((np.ones(len(when)), when)))
-
-    def as_one(self, evidence: Evidence, rows: np.ndarray) -> float:
-        """How many readings that the calibration has as independent share their error here; at least one.
-
-        ``rows``: of the model as it is.  What goes with anything that is looked at is taken off them before, so that
-        what an effect does is not mistaken for it, and a step where one fits best: what happens once is off ever after.
-        """
-        smooth = (self.repeating, *(LARGE_sigma * columns for columns in self.new.values()))
-        step = self._step(evidence, rows, Covariance(*smooth))
-        left = Covariance(*smooth, LARGE_sigma * step).inverse(rows)[: evidence.rows_of_samples]
-        log = np.repeat(np.arange(len(evidence.logs.compared)), [len(here) for here in evidence.logs.compared])
-        time_s = np.concatenate(
-            [t.signals.time_s[here] for t, here in zip(evidence.logs.experiments, evidence.logs.compared, strict=True)]
-        )
-        lasts_s = sum(float(np.ptp(time_s[log == k])) for k in np.unique(log))
-        shared_s = correlation_time_s(time_s, left / evidence.sample_weight, log)
-        return max(shared_s * float(evidence.independent.sum()) / lasts_s, 1.0)
-
-    def _step(self, evidence: Evidence, rows: np.ndarray, covariance: Covariance) -> np.ndarray:
-        """A step of the displacement beside what else may be off, at the time when it takes most off, (rows, 1)."""
-        floor_m = np.concatenate(evidence.of_displacement.floor_m)[:, None]
-        none, off = np.zeros((len(rows) - len(floor_m), 0)), covariance.whiten(rows)
-        first, last = 0.0, 1.0  # of the readings before it
-        for _ in range(2):
-            shares = np.linspace(first, last, STEPS + 2)
-            after = self._time_s[:, None] >= np.quantile(self._time_s, shares[1:-1])
-            steps = self._columns(after * floor_m.mean() / floor_m, none)
-            whitened = covariance.whiten(steps)
-            best = int(np.argmax((off @ whitened) ** 2 / np.maximum(np.sum(whitened**2, axis=0), 1e-9)))
-            first, last = shares[best], shares[best + 2]
-        return steps[:, [best]]
 
     def _columns(self, of_samples: np.ndarray, of_others: np.ndarray) -> np.ndarray:
         out = np.zeros((len(self.weight), of_samples.shape[1] + of_others.shape[1]))

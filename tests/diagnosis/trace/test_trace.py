@@ -17,7 +17,7 @@ from sma_actuator.config import Config
 from sma_actuator.diagnosis.trace import Evidence, trace
 from sma_actuator.diagnosis.trace import pairs as of_pairs
 from sma_actuator.diagnosis.trace.candidates import candidate, untestable
-from sma_actuator.diagnosis.trace.errors import errors_of
+from sma_actuator.diagnosis.trace.errors import errors_of, losses
 from sma_actuator.diagnosis.trace.evidence import Comparison
 from sma_actuator.diagnosis.trace.experiments import best_experiment
 from sma_actuator.diagnosis.trace.fitting import fit, fit_of
@@ -32,6 +32,7 @@ from sma_actuator.diagnosis.trace.quantities import quantities
 from sma_actuator.diagnosis.trace.report import _words, sentence, summary
 from sma_actuator.diagnosis.trace.rows import GOES_WITH_NOTHING, NOTHING, SOMETHING_ELSE, Hypothesis, Rows
 from sma_actuator.diagnosis.trace.scales import scales_of
+from sma_actuator.diagnosis.trace.shared import as_one
 from sma_actuator.diagnosis.trace.why import whys
 from sma_actuator.diagnosis.trace.witnesses import limited
 from sma_actuator.estimation.chain import Chain
@@ -484,7 +485,7 @@ def test_no_other_time_of_a_slip_explains_more(wire, config):
 def test_held_out_cycles_are_not_in_the_fit(clean):
     """An effect that is not there gains nothing on cycles it has not seen, however many parameters it has."""
     train = np.arange(clean.units) < clean.units - 3
-    base = clean.losses(clean.compare({}).rows)
+    base = losses(clean, clean.compare({}).rows)
     for name in ("fatigue", "minor_loop_memory", "self_heating"):
         found = fit(clean, [candidate(name, scales_of(clean))], Rows(clean).usual, seen=train)
         gain = (base - found.held_out.losses)[train]
@@ -890,13 +891,13 @@ def test_readings_share_their_error_for_as_long_as_what_goes_with_nothing_does(c
     rows, rng = Rows(clean), np.random.default_rng(3)
     smooth_errors, n = rows.smooth, clean.rows_of_samples
     white = np.append(rng.standard_normal(n) * clean.sample_weight, np.zeros(len(rows.plain) - n))
-    assert smooth_errors.as_one(clean, white) == 1.0
+    assert as_one(clean, smooth_errors, white) == 1.0
     samples_of_one = n / clean.independent.sum()
     slow = np.convolve(rng.standard_normal(n), np.ones(round(5.0 * samples_of_one)), mode="same")
     shared = np.append(slow * clean.sample_weight, np.zeros(len(rows.plain) - n))
-    assert 3.0 < smooth_errors.as_one(clean, shared) < 6.0
+    assert 3.0 < as_one(clean, smooth_errors, shared) < 6.0
     drifting = white + 20.0 * smooth_errors.new["time_s"] @ rng.standard_normal(smooth_errors.new["time_s"].shape[1])
-    assert smooth_errors.as_one(clean, drifting) < 1.2
+    assert as_one(clean, smooth_errors, drifting) < 1.2
 
 
 def test_what_happened_at_once_does_not_make_readings_count_as_fewer(clean):
@@ -905,7 +906,7 @@ def test_what_happened_at_once_does_not_make_readings_count_as_fewer(clean):
     n = clean.rows_of_samples
     white = rng.standard_normal(n)
     slipped = (white + 20.0 * (np.arange(n) > 0.43 * n)) * clean.sample_weight
-    assert rows.smooth.as_one(clean, np.append(slipped, np.zeros(len(rows.plain) - n))) < 1.5
+    assert as_one(clean, rows.smooth, np.append(slipped, np.zeros(len(rows.plain) - n))) < 1.5
 
 
 def test_of_a_log_that_paused_a_piece_without_a_cycle_does_not_count(wire, config):
