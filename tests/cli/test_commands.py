@@ -102,6 +102,14 @@ def test_a_slip_in_a_command_is_answered_with_the_nearest():
     assert said.returncode == 2 and "'reply' is no command; did you mean replay?" in said.stderr
 
 
+def test_whoever_asks_a_node_does_not_wait_for_what_drives_a_wire():
+    """Numba is most of what such a command would import."""
+    asking = [module for module, _ in COMMANDS.values() if module.startswith("sma_actuator.cli.remote.")]
+    assert len(asking) > 5
+    script = f"import sys, {', '.join(asking)}; sys.exit('numba' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", script], timeout=60.0).returncode == 0
+
+
 def test_a_slip_in_an_option_is_answered_with_the_usage_of_that_command():
     said = sma_actuator("replay", "a.csv", "--config", "m.yaml", "--jsn", "x")
     assert said.returncode == 2

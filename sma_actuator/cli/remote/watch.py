@@ -7,7 +7,6 @@ import time
 
 from sma_actuator.base.options import number_within
 from sma_actuator.base.signals import Mode, Status
-from sma_actuator.safety.faults import FAULTS
 
 from .client import NodeClient, add_node_arguments, connected
 
@@ -57,6 +56,8 @@ def after(client: NodeClient, status: Status) -> str:
     if status.mode is Mode.OFF:
         if status.values.get("lifecycle", "active") != "active":
             return "once the node is ready, ~/enable"
+        from sma_actuator.safety.faults import FAULTS  # with kernels, which take longest to import
+
         fault = FAULTS.get(status.fault)
         if fault is None:
             return "~/enable"
