@@ -2,15 +2,16 @@
 
     python benchmarks/control_worlds.py [--physics NAME …] [--drawn 24] [--every N] [--wire flexinol furukawa]
                                         [--model whole_range thesis] [--law pid feed_forward_pid] [--json FILE]
-                                        [--diameter UM] [--experiment NAME …]             (make control-worlds)
+                                        [--diameter UM] [--warmer K] [--experiment NAME …]  (make control-worlds)
 
 ``init``, ``characterise``, ``identify``, ``init``, and a second round with that model (``users_way.py``; ``--model
 first_round``: without it), then the driver of the node (``driven.py``): the thesis's eleven experiments, a light and a
 heavy weight and a stiff spring, over 85 % of the stroke that the wire truly has under each load.  Without
 ``--physics``: the eight that were designed and as many as ``--drawn`` says that nobody chose, by the numbers from
 ``--from`` on; ``--every 4`` takes every fourth of them.  ``--diameter``: wires of that many µm, with instruments and
-loads that suit them.  Everything is kept in ``out`` and used again while nothing has
-changed that it depends on; what is stopped goes on where it was.
+loads that suit them; ``--warmer``: driven in a room so many kelvin warmer than the one of the calibration.
+Everything is kept in ``out`` and used again while nothing has changed that it depends on; what is stopped goes on where
+it was.
 
 Errors are mean absolute, % of full stroke.  First table, the output error of each run, held against the thesis's for
 that experiment, those that it has not against the mean of its tables for the alloy; of steps also beyond what is left
@@ -91,10 +92,12 @@ class Wire:
     wire: str
     model: str
     law: str
+    warmer_K: float = 0.0  #: the room than at its calibration
 
     def case(self, experiment: Experiment) -> Case:
         """One of its runs."""
-        return Case(self.wire, self.physics, self.model, experiment.load, experiment.program, self.law)
+        load, program = experiment.load, experiment.program
+        return Case(self.wire, self.physics, self.model, load, program, self.law, warmer_K=self.warmer_K)
 
 
 @dataclass
@@ -256,7 +259,7 @@ def asked(args: argparse.Namespace) -> list[Wire]:
     drawn = [f"{DRAWN}{number}" for number in range(args.first, args.first + args.drawn)]
     physics = args.physics or [*WORLDS, *drawn][:: args.every]
     return [
-        Wire(name, wire_named(alloy, args.diameter), model, law)
+        Wire(name, wire_named(alloy, args.diameter), model, law, args.warmer)
         for name in physics
         for alloy in args.wire
         for model in args.model
@@ -279,6 +282,9 @@ def main() -> int:
     parser.add_argument("--model", nargs="*", choices=MODELS, default=("whole_range",))
     parser.add_argument("--law", nargs="*", choices=LAWS, default=("pid", "feed_forward_pid"))
     parser.add_argument("--diameter", type=float, default=0.0, metavar="UM", help="µm; without it the wire's own")
+    parser.add_argument(
+        "--warmer", type=float, default=0.0, metavar="K", help="drive in a room so much warmer than the calibration's"
+    )
     named = sorted({experiment.name for each in EXPERIMENTS.values() for experiment in each})
     parser.add_argument("--experiment", nargs="*", choices=named, default=(), metavar="NAME", help="these alone")
     parser.add_argument("--jobs", type=int, default=2)

@@ -77,6 +77,8 @@ class Case:
     wrong: tuple[tuple[str, float], ...] = ()
     #: Noise of the DAQ over that of the bench's, in the run.
     noise: float = 1.0
+    #: How much warmer the room is than at the calibration [K].
+    warmer_K: float = 0.0
 
 
 @dataclass
@@ -118,7 +120,7 @@ def load_of(case: Case, config: Config) -> Load:
 def bench_for(case: Case, config: Config, seed: int) -> VirtualBench:
     """A bench with the wire that was characterised, as it is since, and this load."""
     cycles = cycles_done(case.wire, case.physics)
-    return bench_of(case.wire, case.physics, cycles, seed, load_of(case, config), case.noise)
+    return bench_of(case.wire, case.physics, cycles, seed, load_of(case, config), case.noise, case.warmer_K)
 
 
 def setpoint_of(case: Case, config: Config) -> Setpoint:

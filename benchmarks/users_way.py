@@ -117,9 +117,16 @@ def scaled(wire: str, load: Load) -> Load:
 
 
 def bench_of(
-    wire: str, physics: str, cycles: float, seed: int, load: Load | None = None, noise: float = 1.0
+    wire: str,
+    physics: str,
+    cycles: float,
+    seed: int,
+    load: Load | None = None,
+    noise: float = 1.0,
+    warmer_K: float = 0.0,
 ) -> VirtualBench:
-    """A bench with the wire as it is after so many cycles; ``noise``: its DAQ's over the usual one's."""
+    """A bench with the wire as it is after so many cycles; ``noise``: its DAQ's over the usual one's; in a room that is
+    so much warmer than usual."""
     diameter_m, finer = _diameter_m(wire), _finer(wire)
     specimen = wire_of(alloy_of(wire), physics).after(cycles)
     loses = still_air_W_m2K(diameter_m) / still_air_W_m2K(specimen.diameter_m)
@@ -132,7 +139,8 @@ def bench_of(
         load_cell_offset_N=usual.load_cell_offset_N / finer**2,
         noise_V=tuple(noise * noise_V for noise_V in usual.noise_V),
     )
-    return VirtualBench(Setup(specimen, chain, load or scaled(wire, Weight(0.98))), seed)
+    setup = Setup(specimen, chain, load or scaled(wire, Weight(0.98)))
+    return VirtualBench(replace(setup, ambient_C=setup.ambient_C + warmer_K), seed)
 
 
 def _sense_Ohm(finer: float) -> float:
