@@ -34,7 +34,7 @@ LEAST_RESISTIVITY_Ohm_m, LARGEST_RESISTIVITY_Ohm_m = 0.70e-6, 1.00e-6
 #: Of a wire so hot that it is austenite all through (the maker's 0.80e-6, warm).
 HOT_RESISTIVITY_Ohm_m = 0.90e-6
 #: Still air at 55 °C, a wire 60 K above it.
-_CONDUCTIVITY_W_mK, _VISCOSITY_m2_s, _DIFFUSIVITY_m2_s, _FILM_K, _RISE_K = 0.0283, 1.83e-5, 2.60e-5, 328.0, 60.0
+_CONDUCTIVITY_W_mK, _VISCOSITY_m2_s, _DIFFUSIVITY_m2_s, _FILM_K, RISE_K = 0.0283, 1.83e-5, 2.60e-5, 328.0, 60.0
 _RADIATION_W_m2K = 5.0  #: emissivity 0.6
 #: Upper end of the Rayleigh number, factor, exponent: Nu = factor · Ra^exponent.
 _MORGAN = ((1e-2, 0.675, 0.058), (1e2, 1.02, 0.148), (math.inf, 0.850, 0.188))
@@ -337,7 +337,7 @@ def _lacks(mapping: Mapping[str, Any], name: str) -> bool:
 
 def still_air_W_m2K(diameter_m: float) -> float:
     """Heat that a thin horizontal wire loses to still air and by radiation, per surface and kelvin."""
-    rayleigh = 9.81 / _FILM_K * _RISE_K * diameter_m**3 / (_VISCOSITY_m2_s * _DIFFUSIVITY_m2_s)
+    rayleigh = 9.81 / _FILM_K * RISE_K * diameter_m**3 / (_VISCOSITY_m2_s * _DIFFUSIVITY_m2_s)
     factor, exponent = next((f, e) for top, f, e in _MORGAN if rayleigh <= top)
     return factor * rayleigh**exponent * _CONDUCTIVITY_W_mK / diameter_m + _RADIATION_W_m2K
 

@@ -32,7 +32,7 @@ from sma_actuator.base.sections import ThermalParameters
 from . import orientation
 
 DIRECT = 3  #: features that are no plays: R, σ, θ
-STRESS = 1  #: of them
+STRESS, APPARENT = 1, 2  #: of them
 (
     TIME_CONSTANT_s,
     LOSS_GROWTH_1_K,

@@ -16,11 +16,11 @@ from sma_actuator.base.lookup import row_of
 from sma_actuator.base.parameters import parameter
 from sma_actuator.base.sections import Wire
 
-from . import orientation
+from . import orientation, other_rooms
 from .checks import COUNTS_CONTRACTION, wrong_ranges, wrong_size
 from .heat_content import DIRECT, PLAYS_AT, RESTED_AT, THERMAL, resistances_of
 from .model import COEFFICIENTS
-from .whole_range_kernel import CURVE_TERMS, HIGHEST, LOWEST, Numbers, advance, advance_all
+from .whole_range_kernel import CURVE_TERMS, HIGHEST, LOWEST, OF_EXPECTED, OUT, Numbers, advance, advance_all
 
 _STILL_SEEN = 0.5  #: share of the residual below which the quality says that little of it is left
 
@@ -43,31 +43,33 @@ class WholeRangeModel:
             ends=np.array([c.hot_end, c.cold_end]),
             widths_K=np.array(c.play_widths_K),
             widths_Ohm=np.array(c.play_widths_Ohm),
-            limits=np.array([*c.stroke, c.largest_residual, c.novelty_edge, c.spread_floor, c.curve_interval]),
-            centre=np.array(c.feature_centre),
-            scale=np.array(c.feature_scale),
-            low=np.array(c.feature_low),
-            high=np.array(c.feature_high),
+            limits=np.array(
+                [*c.stroke, c.largest_residual, c.novelty_edge, c.spread_floor, c.curve_interval, c.expected_floor]
+            ),
+            ranges=np.array([c.feature_centre, c.feature_scale, c.feature_low, c.feature_high]),
             whitening=whitening,
             curve=np.array(c.curve),
             linear=np.array(c.linear).reshape(c.learners, -1),
-            hidden=np.ascontiguousarray(np.array(c.hidden).reshape(len(c.bias), n).T),
-            bias=np.array(c.bias),
-            output=np.array(c.output),
-            widths=np.array(c.intervals).reshape(2, -1),
+            hidden=_hidden(c.hidden, n),
+            layer=_layer(c.bias, c.output),
+            widths=np.array([*c.intervals, *(c.expected_within or c.intervals)]).reshape(4, -1),
             martensite=np.array(
                 [*(c.cold_wire or (0.0,) * orientation.OF_COLD_WIRE), *(c.other_loads or orientation.FOLLOWS_AT_ONCE)]
             ),
             ambient=c.ambient_temperature,
+            expected_linear=np.array(c.expected_linear).reshape(-1, len(c.linear) // c.learners),
+            expected_hidden=_hidden(c.expected_hidden, n),
+            expected_layer=_layer(c.expected_bias, c.expected_output),
             seen=np.zeros(n),
             z=np.zeros(n),
-            units=np.zeros(len(c.bias)),
         )
         self._state = np.zeros(PLAYS_AT + n - DIRECT)
         self._oriented = orientation.nothing_known()
+        self._room_counts = c.room_counts
+        self._room = other_rooms.nothing_seen(c.room_counts)
         self._usual = row_of((c.cold_wire_stress, c.cold_wire_resistance))
         self.follows_loads = bool(c.cold_wire and c.other_loads)
-        self._out = np.zeros(4)
+        self._out = np.zeros(OUT)
         self.longer_m = 0.0
         self.reset()
 
@@ -76,13 +78,14 @@ class WholeRangeModel:
         self._state[:] = nan
         self._state[RESTED_AT] = power_W
         orientation.forget(self._oriented)
+        other_rooms.forget(self._room_counts, self._room)
 
     def doubt(self, displacement_m: np.ndarray) -> np.ndarray:
         """How wide the interval of an estimate is at a place, on the branch where it is wider, over the learners'
         spread."""
         n = self._numbers
         places_m = np.linspace(n.limits[LOWEST], n.limits[HIGHEST], n.widths.shape[1])
-        return np.interp(displacement_m, places_m, n.widths.max(axis=0))
+        return np.interp(displacement_m, places_m, n.widths[:OF_EXPECTED].max(axis=0))
 
     def observe(
         self, time_s: float, resistance_Ohm: float, stress_Pa: float, heating: bool, power_W: float, ambient_C: float
@@ -101,6 +104,7 @@ class WholeRangeModel:
             state=self._state,
             oriented=self._oriented,
             usual=self._usual,
+            room=self._room,
             n=self._numbers,
             out=out,
         )
@@ -117,7 +121,7 @@ class WholeRangeModel:
         ambient_C: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The same of n samples, arrays of shape (n,), by the same kernel."""
-        out = np.zeros((len(time_s), 4))
+        out = np.zeros((len(time_s), OUT))
         ambient_C = np.where(np.isfinite(ambient_C), ambient_C, self._ambient_C)
         advance_all(
             time=time_s,
@@ -129,12 +133,22 @@ class WholeRangeModel:
             state=self._state,
             oriented=self._oriented,
             usual=self._usual,
+            room=self._room,
             n=self._numbers,
             out=out,
         )
         if len(out):
             self.longer_m = float(out[-1, 3])
         return out[:, 0].copy(), out[:, 1].copy(), out[:, 2] > _STILL_SEEN
+
+
+def _hidden(weights: tuple[float, ...], features: int) -> np.ndarray:
+    """Weights that are given unit by unit, as the kernel has them."""
+    return np.ascontiguousarray(np.array(weights).reshape(-1, features).T)
+
+
+def _layer(bias: tuple[float, ...], output: tuple[float, ...]) -> np.ndarray:
+    return np.array([bias, output, (0.0,) * len(bias)])
 
 
 @COEFFICIENTS.register("whole_range")
@@ -185,6 +199,34 @@ class WholeRangeCoefficients:
     )
     ambient_temperature: float = parameter(
         description="temperature of the surroundings where none is measured", unit="°C", lo=-60.0, hi=100.0
+    )
+    room_counts: tuple[float, ...] = parameter(
+        other_rooms.AS_MUCH,
+        "what a kelvin of other surroundings counts for the apparent temperature, and the standard deviation of that",
+        "1",
+        0.0,
+        10.0,
+        optional=True,
+    )
+    expected_linear: tuple[float, ...] = parameter(
+        (),
+        "learned: the apparent temperature by all else, over its mean, as model.linear; none where it was not",
+        "K",
+        optional=True,
+    )
+    expected_hidden: tuple[float, ...] = parameter((), "learned: the weights of its tanh units", "1", optional=True)
+    expected_bias: tuple[float, ...] = parameter((), "learned: their biases", "1", optional=True)
+    expected_output: tuple[float, ...] = parameter((), "learned: the weight of each", "K", optional=True)
+    expected_within: tuple[float, ...] = parameter(
+        (),
+        "how far off that is, one standard deviation over the spread of the learners and its floor, at equally spaced "
+        "displacements, cooling, then heating",
+        "1",
+        1e-6,
+        optional=True,
+    )
+    expected_floor: float = parameter(
+        1.0, "what is added to the spread of those learners", "K", 1e-6, 1e6, optional=True
     )
     play_widths_K: tuple[float, ...] = parameter(description="half-widths of the plays in temperature", unit="K")
     play_widths_Ohm: tuple[float, ...] = parameter(description="half-widths of the plays in resistance", unit="Ω")
@@ -256,6 +298,7 @@ class WholeRangeCoefficients:
     def _wrong_lengths(self) -> list[str]:
         plays = len(self.play_widths_K) + len(self.play_widths_Ohm)
         n, m = DIRECT + plays, len(self.bias)
+        taught = bool(self.expected_bias)
         wanted = {
             "thermal": THERMAL,
             "near_surroundings": 2,
@@ -272,6 +315,11 @@ class WholeRangeCoefficients:
             "linear": self.learners * (CURVE_TERMS + plays),
             "hidden": m * n,
             "output": m,
+            "room_counts": 2,
+            "expected_linear": self.learners * (CURVE_TERMS + plays) if taught else 0,
+            "expected_hidden": len(self.expected_bias) * n,
+            "expected_output": len(self.expected_bias),
+            "expected_within": len(self.intervals) if taught else 0,
             "cold_wire": orientation.OF_COLD_WIRE if self.cold_wire else 0,
             "other_loads": len(orientation.FOLLOWS_AT_ONCE) if self.other_loads else 0,
             "cold_wire_resistance": len(self.cold_wire_stress),
@@ -281,11 +329,16 @@ class WholeRangeCoefficients:
             for name, count in wanted.items()
             if len(getattr(self, name)) != count
         ]
-        if m % self.learners:
-            problems.append(f"model.bias: {m} numbers, which are not shared equally by {self.learners} learners")
+        problems += [
+            f"model.{name}: {len(biases)} numbers, which are not shared equally by {self.learners} learners"
+            for name, biases in (("bias", self.bias), ("expected_bias", self.expected_bias))
+            if len(biases) % self.learners
+        ]
         stresses = self.cold_wire_stress
         if self.cold_wire and (not stresses or any(np.diff(stresses) <= 0.0)):
             problems.append("model.cold_wire_stress: model.cold_wire wants one stress at least, each above the last")
+        if not taught and len(self.room_counts) == 2 and self.room_counts[1] > 0.0:
+            problems.append("model.room_counts: its second number is 0 where no model.expected_bias tells it")
         if len(self.intervals) % 2 or len(self.intervals) < 4:
             problems.append(f"model.intervals: {len(self.intervals)} numbers, but two rows of equal length are wanted")
         return problems

@@ -17,8 +17,9 @@ import numpy as np
 
 from sma_actuator.base.jit import Floats, jit
 
-from . import orientation
+from . import orientation, other_rooms
 from .heat_content import (
+    APPARENT,
     DIRECT,
     RESTED_AT,
     SHARE_AT,
@@ -33,14 +34,20 @@ from .heat_content import (
 
 CURVE_TERMS = 10  #: of a quadratic in R, σ, θ
 #: Limits: δ at the two ends of what was seen, size of the residual, novelty beyond which it fades, what is added to the
-#: learners' spread before it counts, half-width of the interval of the physical curve alone.
-LOWEST, HIGHEST, LARGEST, EDGE, FLOOR, CURVE_WIDTH = range(6)
+#: learners' spread before it counts, half-width of the interval of the physical curve alone; what is added to the
+#: spread of those who expect a temperature.
+LOWEST, HIGHEST, LARGEST, EDGE, FLOOR, CURVE_WIDTH, EXPECTED_FLOOR_K = range(7)
+CENTRE, SCALE, LOW, HIGH = range(4)
+#: Rows of the widths, each for cooling, the next for heating: of the interval, and of an expected temperature.
+OF_INTERVAL, OF_EXPECTED = 0, 2
+OUT = 7  #: numbers of a sample: what :func:`advance` says of it, and room for what learners say
 _START_PASSES = 5
+_INTERVAL = 1.96  #: half of one over the standard deviation
 _PER_RANGE = 4.0  #: a feature that lies beyond its range by a quarter of it is as strange as twice the edge
 
 
 class Numbers(NamedTuple):
-    """The coefficients as the kernels want them, and room to work in."""
+    """The coefficients as the kernels want them, and room to work in; few arrays, as to hand one over takes 0.3 µs."""
 
     resistances: np.ndarray  #: as :func:`resistances_of` has them
     thermal: np.ndarray  #: the heat balance, in the order of the indices above
@@ -48,22 +55,21 @@ class Numbers(NamedTuple):
     widths_K: np.ndarray  #: half-widths of the plays of temperature
     widths_Ohm: np.ndarray  #: and of resistance
     limits: np.ndarray  #: in the order of the indices above
-    centre: np.ndarray  #: of each feature
-    scale: np.ndarray
-    low: np.ndarray  #: where the calibration has seen it
-    high: np.ndarray
+    ranges: np.ndarray  #: (4, features): centre and scale of each, and where the calibration has seen it
     whitening: np.ndarray  #: lower triangle, (features, features)
     curve: np.ndarray  #: the physical curve, (CURVE_TERMS,)
     linear: np.ndarray  #: of each learner, (learners, CURVE_TERMS + plays)
     hidden: np.ndarray  #: (features, units): neighbours in memory are reckoned at once
-    bias: np.ndarray  #: (units,)
-    output: np.ndarray  #: (units,)
-    widths: np.ndarray  #: of the interval on either branch, (2, places)
+    layer: np.ndarray  #: (3, units): biases, outputs, and room for the units themselves
+    widths: np.ndarray  #: (4, places): over the learners' spread, in the order of the rows above
     martensite: np.ndarray  #: how long its martensite is, and what resistance says of that (:mod:`.orientation`)
     ambient: float  #: temperature of the surroundings in the calibration [°C]
+    #: The same of learners of θ by all else, over its mean: they tell how much a kelvin of other surroundings counts.
+    expected_linear: np.ndarray
+    expected_hidden: np.ndarray
+    expected_layer: np.ndarray
     seen: np.ndarray  #: room for the features of a sample
     z: np.ndarray  #: for what is made of them
-    units: np.ndarray  #: and for the tanh units
 
 
 @jit
@@ -85,16 +91,16 @@ def _quadratic(z: np.ndarray, c: np.ndarray) -> float:
 
 
 @jit
-def _learned(n: Numbers, out: np.ndarray) -> None:
-    """What was learned, into ``out``: the mean of the learners, and how far they are apart.
+def _learned(z: np.ndarray, linear: np.ndarray, hidden: np.ndarray, layer: np.ndarray, out: np.ndarray) -> None:
+    """What was learned, into ``out``: the mean of the learners, how far they are apart, and how the mean goes with θ.
 
     Each has a quadratic in what is seen directly, a line in the plays, and its share of the tanh units.
     """
-    z, linear, hidden, units = n.z, n.linear, n.hidden, n.units
+    bias, output, units = layer[0], layer[1], layer[2]
     learners = linear.shape[0]
     each = len(units) // learners
     for k in range(len(units)):
-        units[k] = n.bias[k]  # one by one: to copy it whole takes two seconds more to compile
+        units[k] = bias[k]  # one by one: to copy it whole takes two seconds more to compile
     for j in range(len(z)):
         for k in range(len(units)):
             units[k] += hidden[j, k] * z[j]
@@ -102,17 +108,22 @@ def _learned(n: Numbers, out: np.ndarray) -> None:
         units[k] = 1.0 - 2.0 / (exp(2.0 * units[k]) + 1.0)
     mean = 0.0
     square = 0.0
+    slope = 0.0
     for i in range(learners):
-        value = _quadratic(z, linear[i])
+        line = linear[i]
+        value = _quadratic(z, line)
+        slope += line[3] + 2.0 * line[6] * z[2] + line[8] * z[0] + line[9] * z[1]
         for j in range(DIRECT, len(z)):
-            value += linear[i, CURVE_TERMS + j - DIRECT] * z[j]
+            value += line[CURVE_TERMS + j - DIRECT] * z[j]
         for k in range(i * each, (i + 1) * each):
-            value += n.output[k] * units[k]
+            value += output[k] * units[k]
+            slope += output[k] * (1.0 - units[k] * units[k]) * hidden[APPARENT, k]
         change = value - mean
         mean += change / (i + 1)
         square += change * (value - mean)
     out[0] = mean
     out[1] = sqrt(square / learners)
+    out[2] = slope / learners
 
 
 @jit
@@ -128,39 +139,45 @@ def _strangeness(n: Numbers) -> float:
         for j in range(i + 1):
             along += n.whitening[i, j] * n.z[j]
         square += along * along
-        beyond = max(beyond, max(n.low[i] - n.seen[i], n.seen[i] - n.high[i]) / (n.high[i] - n.low[i]))
+        low, high = n.ranges[LOW, i], n.ranges[HIGH, i]
+        beyond = max(beyond, max(low - n.seen[i], n.seen[i] - high) / (high - low))
     return max(sqrt(square) / n.limits[EDGE], 1.0 + _PER_RANGE * beyond if beyond > 0.0 else 0.0)
 
 
 @jit
-def _half_width(displacement: float, heating: bool, n: Numbers) -> float:
-    """Half of the 95 % interval on a branch, in units of the learners' spread; linear between equally spaced places."""
+def _width(of: int, displacement: float, heating: bool, n: Numbers) -> float:
+    """A width on a branch, in units of the learners' spread; linear between equally spaced places."""
     widths = n.widths
     last = widths.shape[1] - 1
     along = (displacement - n.limits[LOWEST]) / (n.limits[HIGHEST] - n.limits[LOWEST])
     place = min(max(along, 0.0), 1.0) * last
     below = min(int(place), last - 1)
-    row = 1 if heating else 0
+    row = of + 1 if heating else of
     width: float = widths[row, below] + (place - below) * (widths[row, below + 1] - widths[row, below])
     return width
 
 
 @jit
-def _estimate(heating: bool, n: Numbers, out: np.ndarray) -> None:
-    """δ, half of its 95 % interval and the share of the residual in it, into ``out``, from the features ``n.seen``."""
+def _estimate(heating: bool, unsure_K: float, n: Numbers, out: np.ndarray) -> None:
+    """δ, half of its 95 % interval and the share of the residual in it, into ``out``, from the features ``n.seen``.
+
+    ``unsure_K``: one standard deviation of what another room makes of the apparent temperature.
+    """
     for j in range(len(n.seen)):
-        n.z[j] = (n.seen[j] - n.centre[j]) / n.scale[j]
+        n.z[j] = (n.seen[j] - n.ranges[CENTRE, j]) / n.ranges[SCALE, j]
     lowest = n.limits[LOWEST]
     highest = n.limits[HIGHEST]
     slack = 0.05 * (highest - lowest)
     physical = min(max(_quadratic(n.z, n.curve), lowest - slack), highest + slack)
-    _learned(n, out)
+    _learned(n.z, n.linear, n.hidden, n.layer, out)
+    slope_m_K = out[2] / n.ranges[SCALE, APPARENT]
     residual = n.limits[LARGEST] * tanh((out[0] - physical) / n.limits[LARGEST])
     spread = out[1]
     strangeness = _strangeness(n)
     share = 1.0 if strangeness <= 1.0 else exp(2.0 * (1.0 - strangeness))
     displacement = min(max(physical + share * residual, lowest - slack), highest + slack)
-    width = _half_width(displacement, heating, n) * (n.limits[FLOOR] + spread)
+    width = _width(OF_INTERVAL, displacement, heating, n) * (n.limits[FLOOR] + spread)
+    width = hypot(width, _INTERVAL * unsure_K * slope_m_K)
     width += max(lowest - displacement, displacement - highest, 0.0)  # back to where a wire has been
     out[0] = displacement
     out[1] = share * width + (1.0 - share) * max(n.limits[CURVE_WIDTH], width)
@@ -199,6 +216,21 @@ def _add_other_loads(share: float, stress: float, first: bool, oriented: Floats,
 
 
 @jit
+def _learn_of_room(
+    other_K: float, off_K: float, step: float, share: float, heating: bool, room: Floats, n: Numbers, out: np.ndarray
+) -> None:
+    """What a sample in other surroundings, estimated in ``out``, tells of how much they count."""
+    if out[2] < 0.5:  # unlike the calibration: nobody knows what to expect
+        return
+    apparent = n.seen[APPARENT] + off_K - n.ranges[CENTRE, APPARENT]
+    n.z[APPARENT] = 0.0
+    said = out[OUT - 3 :]
+    _learned(n.z, n.expected_linear, n.expected_hidden, n.expected_layer, said)
+    within_K = _width(OF_EXPECTED, out[0], heating, n) * (n.limits[EXPECTED_FLOOR_K] + said[1])
+    other_rooms.tell(apparent - said[0], within_K, other_K, step, share, room)
+
+
+@jit
 def advance(
     time: float,
     power: float,
@@ -209,13 +241,15 @@ def advance(
     state: np.ndarray,
     oriented: Floats,
     usual: Floats,
+    room: Floats,
     n: Numbers,
     out: np.ndarray,
 ) -> None:
     """One sample: δ [m], half of its 95 % interval [m], the share of the residual, and how much longer the wire is than
-    if all of it had formed under its load [m], into ``out`` (4,).
+    if all of it had formed under its load [m], into the first of ``out`` (OUT,).
 
-    ``oriented``: the memory of :mod:`.orientation`; ``usual``: a cold wire's resistance by its stress.
+    ``oriented``: the memory of :mod:`.orientation`; ``usual``: a cold wire's resistance by its stress; ``room``: the
+    memory of :mod:`.other_rooms`.
     """
     first = state[TIME_AT] != state[TIME_AT]  # NaN
     rested = state[RESTED_AT] if state[RESTED_AT] == state[RESTED_AT] else power
@@ -226,6 +260,10 @@ def advance(
         rests_cold = rise < orientation.COLD_K and abs(warms) < orientation.RESTS_K
         resistance -= _of_other_loads(resistance, stress, ambient, rests_cold, first, oriented, usual, n)
     resistance = at_usual_load_now(resistance, stress, n.resistances)
+    step = 0.0 if first else max(time - state[TIME_AT], 0.0)
+    other_K = ambient - n.ambient
+    off_K = other_rooms.off_K(other_K, room)
+    unsure_K = other_rooms.unsure_K(other_K, room)
     share = 1.0
     # At rest, in the place that agrees with the temperature that is made of it; once in the text, as it is compiled
     # wherever it stands.
@@ -252,9 +290,12 @@ def advance(
             state=state,
             out=n.seen,
         )
-        _estimate(heating, n, out)
+        n.seen[APPARENT] -= off_K
+        _estimate(heating, unsure_K, n, out)
         share = share_of_stroke(out[0], stress, n.ends)
     state[SHARE_AT] = share
+    if abs(other_K) > other_rooms.LEAST_K and step > 0.0 and len(n.expected_linear) > 0:
+        _learn_of_room(other_K, off_K, step, share, heating, room, n, out)
     if remembers:
         _add_other_loads(share, stress, first, oriented, n, out)
 
@@ -270,10 +311,11 @@ def advance_all(
     state: np.ndarray,
     oriented: Floats,
     usual: Floats,
+    room: Floats,
     n: Numbers,
     out: np.ndarray,
 ) -> None:
-    """``advance`` over samples, ``out`` (samples, 4)."""
+    """``advance`` over samples, ``out`` (samples, OUT)."""
     for i in range(len(time)):
         advance(
             time=time[i],
@@ -285,6 +327,7 @@ def advance_all(
             state=state,
             oriented=oriented,
             usual=usual,
+            room=room,
             n=n,
             out=out[i],
         )

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from sma_actuator.calibration.interval import COVERAGE
-from sma_actuator.estimation.models.heat_content import NEAR, PLAYS_K, THERMAL
+from sma_actuator.estimation.models.heat_content import APPARENT, LOSS_GROWTH_1_K, NEAR, PLAYS_K, THERMAL
 from sma_actuator.estimation.models.whole_range import WholeRangeCoefficients
 from sma_actuator.estimation.models.whole_range_kernel import CURVE_TERMS
 from sma_actuator.identify.fitters.fitting import at_bound
@@ -41,6 +41,7 @@ from .judged import (
     regions,
 )
 from .learner import LEARNERS, Team, physical_curve, terms_of, whitening_of
+from .other_rooms import Expected, expected
 
 __all__ = ["HeldOut", "WholeRangeFit", "beside_the_thesis", "fit_whole_range", "regions"]
 ITERATIONS = 100
@@ -60,6 +61,9 @@ def fit_whole_range(
     data = Data(experiments, config)
     known, centre, scale = heat_balance(data, lambda share: progress(0.4 * share))
     z = (data.features(known)[data.rows] - centre) / scale
+    rooms = expected(z, data, data.thermal_numbers(known)[LOSS_GROWTH_1_K], float(scale[APPARENT]))
+    z[:, APPARENT] -= rooms.off_K / scale[APPARENT]
+    progress(0.45)
     by_log = errors_left_out(z, data, data.log_fold[data.rows])
     by_load = errors_left_out(z, data, data.load_fold[data.rows], LEARNERS_OF_LOADS)
     by_both = by_log.beside(by_load, LOAD_LEFT_OUT)
@@ -67,7 +71,7 @@ def fit_whole_range(
     by_cycle = errors_left_out(z, data, data.cycle[data.rows] % FOLDS)
     progress(0.8)
     team = Team(z[data.learned], data.displacement[data.rows[data.learned]], ITERATIONS, data.smooth)
-    coefficients = _coefficients(data, known, z, (centre, scale), team, by_both)
+    coefficients = _coefficients(data, known, z, (centre, scale), team, by_both, rooms)
     progress(1.0)
     measured = data.measured
     errors = [np.abs(e[measured]) for e in (by_log.error, by_cycle.error, by_log.curve_error)]
@@ -104,6 +108,7 @@ def _coefficients(
     scaling: tuple[np.ndarray, np.ndarray],
     team: Team,
     left: LeftOut,
+    rooms: Expected,
 ) -> WholeRangeCoefficients:
     """In metres, rounded to six digits."""
     target, percent_m = data.displacement[data.rows], data.percent_m
@@ -119,10 +124,7 @@ def _coefficients(
     # How many times as well as those of the logs left out.
     agree = float(np.sqrt(np.median(left.spread[data.learned]) / np.median(spread)))
     intervals = agree * intervals_of(target + left.error, heating, score, np.linspace(lowest, highest, PLACES))
-    linear, hidden, bias, output = (
-        np.concatenate([np.ravel(part) for part in parts])
-        for parts in zip(*(learner.parts(learner.weights) for learner in team.learners), strict=True)
-    )
+    linear, hidden, bias, output = team.parts()
     thermal = data.thermal_numbers(known)
     return WholeRangeCoefficients(
         calibrated_length=data.wire.length,
@@ -136,6 +138,7 @@ def _coefficients(
         cold_resistance=_six(data.ends_Ohm[1]),
         **(_of_cold_wire(data.cold_wire) if data.cold_wire else {}),
         ambient_temperature=float(f"{np.median(data.ambient):.4g}"),
+        **_of_other_rooms(rooms),
         play_widths_K=PLAYS_K,
         play_widths_Ohm=_six(data.plays_Ohm),
         feature_centre=_six(scaling[0]),
@@ -169,6 +172,20 @@ def _where_learned(learned: np.ndarray, scaling: tuple[np.ndarray, np.ndarray]) 
         "feature_high": _six(high + tenth),
         "novelty": _six(whitening[np.tril_indices(len(whitening))]),
         "novelty_edge": float(f"{1.3 * np.quantile(novelty, 0.999):.4g}"),
+    }
+
+
+def _of_other_rooms(rooms: Expected) -> dict[str, Any]:
+    """What tells how much a kelvin of another room counts."""
+    linear, hidden, bias, output = rooms.team.parts()
+    return {
+        "room_counts": _six(np.array([rooms.counts, rooms.counts_within])),
+        "expected_linear": _six(linear),
+        "expected_hidden": _six(hidden),
+        "expected_bias": _six(bias),
+        "expected_output": _six(output),
+        "expected_within": _six(rooms.widths.ravel()),
+        "expected_floor": float(f"{rooms.floor_K:.4g}"),
     }
 
 

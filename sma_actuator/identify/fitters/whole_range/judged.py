@@ -122,13 +122,15 @@ def errors_left_out(z: np.ndarray, data: Data, fold: np.ndarray, learners: int =
     return found
 
 
-def intervals_of(place: np.ndarray, heating: np.ndarray, score: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """The 95 % quantile of a score on either branch near each place, shape (2, PLACES)."""
-    out = np.full((2, len(places)), np.quantile(score, COVERAGE))
+def intervals_of(
+    place: np.ndarray, heating: np.ndarray, score: np.ndarray, places: np.ndarray, level: float = COVERAGE
+) -> np.ndarray:
+    """A quantile of a score on either branch near each place, shape (2, PLACES)."""
+    out = np.full((2, len(places)), np.quantile(score, level))
     reach = _PLACE_WIDTH * (places[1] - places[0])
     for row in range(2):
         for k, middle in enumerate(places):
             near = (heating == bool(row)) & (np.abs(place - middle) < reach)
             if near.sum() >= 40:  # the level is the one that conformal prediction asks for of so many
-                out[row, k] = np.quantile(score[near], min(1.0, COVERAGE * (1.0 + 1.0 / near.sum())))
+                out[row, k] = np.quantile(score[near], min(1.0, level * (1.0 + 1.0 / near.sum())))
     return out

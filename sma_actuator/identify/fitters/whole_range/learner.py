@@ -6,6 +6,7 @@ Values and derivatives have the precision of the samples they are made of; steps
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -84,16 +85,29 @@ class Team:
     In single precision, a hundred-thousandth of the stroke, which takes half the time.
     """
 
-    def __init__(self, z: np.ndarray, target: np.ndarray, iterations: int, smooth: float, learners: int = LEARNERS):
+    def __init__(
+        self,
+        z: np.ndarray,
+        target: np.ndarray,
+        iterations: int,
+        smooth: float,
+        learners: int = LEARNERS,
+        units: int | None = None,
+    ):
         z, target = z.astype(np.float32), target.astype(np.float32)
-        self.learners = [Learner(z.shape[1], UNITS, seed, smooth) for seed in range(1, learners + 1)]
+        self.learners = [Learner(z.shape[1], units or UNITS, seed, smooth) for seed in range(1, learners + 1)]
         for learner in self.learners:
             learner.weights = learn(learner, z, target, iterations)
 
     def values(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Mean and spread [%]."""
+        """Mean and spread, as the target."""
         each = np.array([learner.value(learner.weights, z) for learner in self.learners])
         return each.mean(axis=0), each.std(axis=0)
+
+    def parts(self) -> Iterator[np.ndarray]:
+        """Linear terms, hidden weights, biases and outputs, learner after learner in each."""
+        for parts in zip(*(learner.parts(learner.weights) for learner in self.learners), strict=True):
+            yield np.concatenate([np.ravel(part) for part in parts])
 
 
 def learn(learner: Learner, z: np.ndarray, target: np.ndarray, iterations: int) -> np.ndarray:

@@ -1,0 +1,78 @@
+"""What a kelvin of another room counts, as far as logs of one room tell, and what will tell it in another.
+
+See :mod:`sma_actuator.estimation.models.other_rooms`.  Geometry tells what a wire loses to still air when it is warm;
+the heat balance takes that for its loss near the surroundings' temperature and lets it grow, so that it has the wire
+less warm than it is.  Logs of more than one room tell the rest.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from sma_actuator.derived import RISE_K
+from sma_actuator.estimation.models.heat_content import APPARENT
+from sma_actuator.estimation.models.other_rooms import LEAST_K, WITHIN, nothing_seen, off_K, tell, unsure_K
+
+from .data import Data
+from .judged import PLACES, intervals_of
+from .learner import Team
+
+UNITS, ITERATIONS = 14, 60  #: of each learner, as of the one that the heat balance is fitted with
+ONE_SIGMA = 0.68  #: of the errors are within a standard deviation
+
+
+class Expected(NamedTuple):
+    """What tells how much a kelvin of another room counts."""
+
+    team: Team
+    widths: np.ndarray  #: how far off it is, one standard deviation over its spread and the floor, (2, PLACES)
+    floor_K: float
+    counts: float
+    counts_within: float
+
+    off_K: (
+        np.ndarray
+    )  #: by how much the heat balance has the wire too warm in every row; what a copy has wrong is no room
+
+
+def expected(z: np.ndarray, data: Data, growth_1_K: float, scale_K: float) -> Expected:
+    """Learn which apparent temperature a wire has by all else, and how surely, in the room that most logs are of.
+
+    ``z``: scaled features of the rows (rows, features); ``growth_1_K``: of the heat loss; ``scale_K``: of the apparent
+    temperature.
+    """
+    ambient_C = data.ambient[: sum(data.lengths)]
+    other_K = (ambient_C - np.median(ambient_C))[data.rows % len(ambient_C)]
+    own, fold = data.measured, data.log_fold[data.rows]
+    usual = own & data.fewer & (np.abs(other_K) <= max(LEAST_K, float(np.median(np.abs(other_K)))))
+    rest, apparent_K = z.copy(), scale_K * z[:, APPARENT]
+    rest[:, APPARENT] = 0.0
+
+    def learned(rows: np.ndarray) -> Team:
+        return Team(rest[rows], apparent_K[rows], ITERATIONS, data.smooth, units=UNITS)
+
+    beyond_K, spread_K = apparent_K.copy(), np.zeros(len(z))
+    for number in np.unique(fold[own]):
+        out = own & (fold == number)
+        value_K, spread_K[out] = learned(usual & ~out).values(rest[out])
+        beyond_K[out] -= value_K
+    floor_K = float(np.median(spread_K[own]))
+    place, heating = data.displacement[data.rows], data.heating[data.rows].astype(bool)
+    first, last = np.percentile(data.displacement, (0.1, 99.9))
+    places = np.linspace(first, last, PLACES)
+    score = np.abs(beyond_K) / (floor_K + spread_K)
+    widths = intervals_of(place[usual], heating[usual], score[usual], places, ONE_SIGMA)
+    cooling_K, heating_K = (np.interp(place, places, row) * (floor_K + spread_K) for row in widths)
+    of_log = np.searchsorted(np.cumsum(data.lengths), data.rows, side="right")
+    steps_s = np.maximum(np.diff(data.time[data.rows], prepend=np.inf), 0.0)  # a log begins with none
+    counts, within = 1.0 / (1.0 + RISE_K * growth_1_K), WITHIN
+    told = own & (np.abs(other_K) > LEAST_K)
+    for log in np.unique(of_log[told]):  # each a run, which begins with what those before it have told
+        memory = nothing_seen((counts, within))
+        for row in np.flatnonzero(told & (of_log == log)):
+            within_K = heating_K[row] if heating[row] else cooling_K[row]
+            tell(beyond_K[row], within_K, other_K[row], steps_s[row], data.share[data.rows[row]], memory)
+        counts, within = 1.0 - off_K(1.0, memory), unsure_K(1.0, memory)
+    return Expected(learned(usual), widths, floor_K, counts, within, (1.0 - counts) * other_K)
