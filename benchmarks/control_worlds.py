@@ -2,16 +2,17 @@
 
     python benchmarks/control_worlds.py [--physics NAME …] [--drawn 24] [--every N] [--wire flexinol furukawa]
                                         [--model whole_range thesis] [--law pid feed_forward_pid] [--json FILE]
-                                        [--diameter UM] [--warmer K] [--experiment NAME …]  (make control-worlds)
+                                        [--diameter UM] [--warmer K] [--loses TIMES]
+                                        [--experiment NAME …]                             (make control-worlds)
 
 ``init``, ``characterise``, ``identify``, ``init``, and a second round with that model (``users_way.py``; ``--model
 first_round``: without it), then the driver of the node (``driven.py``): the thesis's eleven experiments, a light and a
 heavy weight and a stiff spring, over 85 % of the stroke that the wire truly has under each load.  Without
 ``--physics``: the eight that were designed and as many as ``--drawn`` says that nobody chose, by the numbers from
 ``--from`` on; ``--every 4`` takes every fourth of them.  ``--diameter``: wires of that many µm, with instruments and
-loads that suit them; ``--warmer``: driven in a room so many kelvin warmer than the one of the calibration.
-Everything is kept in ``out`` and used again while nothing has changed that it depends on; what is stopped goes on where
-it was.
+loads that suit them; ``--warmer``: driven in a room so many kelvin warmer than the one of the calibration, ``--loses``:
+in a draught, or sheltered.  Everything is kept in ``out`` and used again while nothing has changed that it depends on;
+what is stopped goes on where it was.
 
 Errors are mean absolute, % of full stroke.  First table, the output error of each run, held against the thesis's for
 that experiment, those that it has not against the mean of its tables for the alloy; of steps also beyond what is left
@@ -93,11 +94,13 @@ class Wire:
     model: str
     law: str
     warmer_K: float = 0.0  #: the room than at its calibration
+    loses: float = 1.0  #: heat, over what it lost there
 
     def case(self, experiment: Experiment) -> Case:
         """One of its runs."""
         load, program = experiment.load, experiment.program
-        return Case(self.wire, self.physics, self.model, load, program, self.law, warmer_K=self.warmer_K)
+        around = {"warmer_K": self.warmer_K, "heat_loss": self.loses}
+        return Case(self.wire, self.physics, self.model, load, program, self.law, **around)
 
 
 @dataclass
@@ -259,7 +262,7 @@ def asked(args: argparse.Namespace) -> list[Wire]:
     drawn = [f"{DRAWN}{number}" for number in range(args.first, args.first + args.drawn)]
     physics = args.physics or [*WORLDS, *drawn][:: args.every]
     return [
-        Wire(name, wire_named(alloy, args.diameter), model, law, args.warmer)
+        Wire(name, wire_named(alloy, args.diameter), model, law, args.warmer, args.loses)
         for name in physics
         for alloy in args.wire
         for model in args.model
@@ -284,6 +287,9 @@ def main() -> int:
     parser.add_argument("--diameter", type=float, default=0.0, metavar="UM", help="µm; without it the wire's own")
     parser.add_argument(
         "--warmer", type=float, default=0.0, metavar="K", help="drive in a room so much warmer than the calibration's"
+    )
+    parser.add_argument(
+        "--loses", type=float, default=1.0, metavar="TIMES", help="drive in air that takes so many times the heat"
     )
     named = sorted({experiment.name for each in EXPERIMENTS.values() for experiment in each})
     parser.add_argument("--experiment", nargs="*", choices=named, default=(), metavar="NAME", help="these alone")

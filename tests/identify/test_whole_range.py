@@ -317,22 +317,27 @@ def test_where_no_ambient_temperature_is_measured_that_of_the_calibration_is_tak
     assert np.abs(with_m - without_m).mean() < 0.002 * whole.config.wire.full_stroke_m
 
 
-def in_another_room(warmer_K, load_N):
-    """The same as ``unseen`` in a room that is so much warmer than the calibration's, at a load."""
+def in_other_surroundings(load_N, warmer_K=0.0, loses=1.0):
+    """The same as ``unseen`` at a load, in a room that is so much warmer than the calibration's, and air that takes so
+    many times the heat."""
     bench, rig, _ = virtual_rig("flexinol", seed=9, load=Weight(load_N))
     bench.ambient_C += warmer_K
+    bench.inject("draught", loses)
     with rig.opened():
         pulses = rig.record(square_pulses(2, 0.3, 0.05, 5.0, 10.0))
-        partial = rig.record(partial_cycles(list(np.linspace(0.004, 0.001, 4)), 0.3, 0.05, 6.0, 8.0))
+        partial = rig.record(partial_cycles(list(np.linspace(0.004, 0.001, 8)), 0.3, 0.05, 6.0, 8.0))
     return [pulses, partial]
 
 
-def test_in_another_room_it_learns_how_much_a_kelvin_counts(whole):
+@pytest.mark.parametrize(
+    "around", [({"warmer_K": -10.0}, {"warmer_K": 10.0}), ({"loses": 0.8}, {"loses": 1.25})], ids=["rooms", "draughts"]
+)
+def test_in_other_surroundings_it_learns_what_these_make_of_its_heat(whole, around):
     """It errs by less than one that takes its heat balance as it is, and its intervals hold."""
     untaught = {name: [] for name in whole.mapping["model"] if name.startswith("expected_")}
     untaught |= {"expected_floor": 1.0, "room_counts": [1.0, 0.0]}
     plain = Config.from_mapping({**whole.mapping, "model": {**whole.mapping["model"], **untaught}})
-    logs = [log for warmer_K in (-10.0, 10.0) for log in in_another_room(warmer_K, 0.9)]
+    logs = [log for each in around for log in in_other_surroundings(0.9, **each)]
 
     def off(config):
         """Errors and half intervals [m]."""
@@ -346,13 +351,21 @@ def test_in_another_room_it_learns_how_much_a_kelvin_counts(whole):
     assert (off_m <= uncertainty_m).mean() > 0.9
 
 
+def test_who_judges_a_model_sees_what_a_draught_makes_of_it(whole):
+    """Tracing looks for the draught; so the judged view does not follow it."""
+    signals = make_experiment(in_other_surroundings(0.9, loses=1.25)[1], whole.config).signals
+    true_m = signals.reference_displacement_m
+    judged_m = np.abs(Chain(whole.config).judge(signals).model_m - true_m)
+    assert np.nanmean(np.abs(Chain(whole.config).run(signals).model_m - true_m)) < 0.9 * np.nanmean(judged_m)
+
+
 @pytest.mark.long
 def test_logs_of_another_room_teach_how_much_a_kelvin_counts(flexinol):
     """A heat loss that is taken for a quarter more than it is counts as if the room were as much warmer."""
     thermal = flexinol.mapping["thermal"]
     wrong = {name: 1.25 * thermal[name] for name in ("heat_capacity", "heat_loss")}
     mapping = {**flexinol.mapping, "thermal": {**thermal, **wrong}}
-    logs = [*flexinol.logs, *in_another_room(10.0, 0.6), *in_another_room(-10.0, 1.2)]
+    logs = [*flexinol.logs, *in_other_surroundings(0.6, 10.0), *in_other_surroundings(1.2, -10.0)]
     one, two = (identify(each, mapping, "whole_range").config.model.room_counts for each in (flexinol.logs, logs))
     assert two[1] < 0.5 * one[1]
     assert 0.5 < two[0] < 0.8 < one[0] < 1.0

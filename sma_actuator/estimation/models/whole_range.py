@@ -16,7 +16,7 @@ from sma_actuator.base.lookup import row_of
 from sma_actuator.base.parameters import parameter
 from sma_actuator.base.sections import Wire
 
-from . import orientation, other_rooms
+from . import orientation, surroundings
 from .checks import COUNTS_CONTRACTION, wrong_ranges, wrong_size
 from .heat_content import DIRECT, PLAYS_AT, RESTED_AT, THERMAL, resistances_of
 from .model import COEFFICIENTS
@@ -65,8 +65,10 @@ class WholeRangeModel:
         )
         self._state = np.zeros(PLAYS_AT + n - DIRECT)
         self._oriented = orientation.nothing_known()
-        self._room_counts = c.room_counts
-        self._room = other_rooms.nothing_seen(c.room_counts)
+        self._counts = c.room_counts
+        self._around = surroundings.nothing_seen(c.room_counts)
+        self._taught = bool(c.expected_bias)
+        self.follow_draughts(True)
         self._usual = row_of((c.cold_wire_stress, c.cold_wire_resistance))
         self.follows_loads = bool(c.cold_wire and c.other_loads)
         self._out = np.zeros(OUT)
@@ -78,7 +80,11 @@ class WholeRangeModel:
         self._state[:] = nan
         self._state[RESTED_AT] = power_W
         orientation.forget(self._oriented)
-        other_rooms.forget(self._room_counts, self._room)
+        surroundings.forget(self._counts, self._around)
+
+    def follow_draughts(self, follows: bool) -> None:
+        """Whether it learns, while it runs, that the wire loses more or less than in the calibration."""
+        surroundings.follow_draughts(follows and self._taught, self._around)
 
     def doubt(self, displacement_m: np.ndarray) -> np.ndarray:
         """How wide the interval of an estimate is at a place, on the branch where it is wider, over the learners'
@@ -104,7 +110,7 @@ class WholeRangeModel:
             state=self._state,
             oriented=self._oriented,
             usual=self._usual,
-            room=self._room,
+            around=self._around,
             n=self._numbers,
             out=out,
         )
@@ -133,7 +139,7 @@ class WholeRangeModel:
             state=self._state,
             oriented=self._oriented,
             usual=self._usual,
-            room=self._room,
+            around=self._around,
             n=self._numbers,
             out=out,
         )
@@ -201,7 +207,7 @@ class WholeRangeCoefficients:
         description="temperature of the surroundings where none is measured", unit="°C", lo=-60.0, hi=100.0
     )
     room_counts: tuple[float, ...] = parameter(
-        other_rooms.AS_MUCH,
+        surroundings.AS_MUCH,
         "what a kelvin of other surroundings counts for the apparent temperature, and the standard deviation of that",
         "1",
         0.0,

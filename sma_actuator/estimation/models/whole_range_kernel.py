@@ -17,7 +17,7 @@ import numpy as np
 
 from sma_actuator.base.jit import Floats, jit
 
-from . import orientation, other_rooms
+from . import orientation, surroundings
 from .heat_content import (
     APPARENT,
     DIRECT,
@@ -64,7 +64,7 @@ class Numbers(NamedTuple):
     widths: np.ndarray  #: (4, places): over the learners' spread, in the order of the rows above
     martensite: np.ndarray  #: how long its martensite is, and what resistance says of that (:mod:`.orientation`)
     ambient: float  #: temperature of the surroundings in the calibration [°C]
-    #: The same of learners of θ by all else, over its mean: they tell how much a kelvin of other surroundings counts.
+    #: The same of learners of θ by all else, over its mean: they tell of other surroundings.
     expected_linear: np.ndarray
     expected_hidden: np.ndarray
     expected_layer: np.ndarray
@@ -161,7 +161,7 @@ def _width(of: int, displacement: float, heating: bool, n: Numbers) -> float:
 def _estimate(heating: bool, unsure_K: float, n: Numbers, out: np.ndarray) -> None:
     """δ, half of its 95 % interval and the share of the residual in it, into ``out``, from the features ``n.seen``.
 
-    ``unsure_K``: one standard deviation of what another room makes of the apparent temperature.
+    ``unsure_K``: one standard deviation of what other surroundings make of the apparent temperature.
     """
     for j in range(len(n.seen)):
         n.z[j] = (n.seen[j] - n.ranges[CENTRE, j]) / n.ranges[SCALE, j]
@@ -216,10 +216,18 @@ def _add_other_loads(share: float, stress: float, first: bool, oriented: Floats,
 
 
 @jit
-def _learn_of_room(
-    other_K: float, off_K: float, step: float, share: float, heating: bool, room: Floats, n: Numbers, out: np.ndarray
+def _learn_of_surroundings(
+    other_K: float,
+    rise_K: float,
+    off_K: float,
+    step: float,
+    share: float,
+    heating: bool,
+    around: Floats,
+    n: Numbers,
+    out: np.ndarray,
 ) -> None:
-    """What a sample in other surroundings, estimated in ``out``, tells of how much they count."""
+    """What a sample, estimated in ``out``, tells of the wire's surroundings."""
     if out[2] < 0.5:  # unlike the calibration: nobody knows what to expect
         return
     apparent = n.seen[APPARENT] + off_K - n.ranges[CENTRE, APPARENT]
@@ -227,7 +235,7 @@ def _learn_of_room(
     said = out[OUT - 3 :]
     _learned(n.z, n.expected_linear, n.expected_hidden, n.expected_layer, said)
     within_K = _width(OF_EXPECTED, out[0], heating, n) * (n.limits[EXPECTED_FLOOR_K] + said[1])
-    other_rooms.tell(apparent - said[0], within_K, other_K, step, share, room)
+    surroundings.tell(apparent - said[0], within_K, other_K, rise_K, step, share, around)
 
 
 @jit
@@ -241,15 +249,15 @@ def advance(
     state: np.ndarray,
     oriented: Floats,
     usual: Floats,
-    room: Floats,
+    around: Floats,
     n: Numbers,
     out: np.ndarray,
 ) -> None:
     """One sample: δ [m], half of its 95 % interval [m], the share of the residual, and how much longer the wire is than
     if all of it had formed under its load [m], into the first of ``out`` (OUT,).
 
-    ``oriented``: the memory of :mod:`.orientation`; ``usual``: a cold wire's resistance by its stress; ``room``: the
-    memory of :mod:`.other_rooms`.
+    ``oriented``: the memory of :mod:`.orientation`; ``usual``: a cold wire's resistance by its stress; ``around``: the
+    memory of :mod:`.surroundings`.
     """
     first = state[TIME_AT] != state[TIME_AT]  # NaN
     rested = state[RESTED_AT] if state[RESTED_AT] == state[RESTED_AT] else power
@@ -262,8 +270,7 @@ def advance(
     resistance = at_usual_load_now(resistance, stress, n.resistances)
     step = 0.0 if first else max(time - state[TIME_AT], 0.0)
     other_K = ambient - n.ambient
-    off_K = other_rooms.off_K(other_K, room)
-    unsure_K = other_rooms.unsure_K(other_K, room)
+    rise_K = off_K = 0.0
     share = 1.0
     # At rest, in the place that agrees with the temperature that is made of it; once in the text, as it is compiled
     # wherever it stands.
@@ -290,12 +297,14 @@ def advance(
             state=state,
             out=n.seen,
         )
+        rise_K = temperature_of(n.thermal, state) - ambient
+        off_K, unsure_K = surroundings.off_K(other_K, rise_K, around)
         n.seen[APPARENT] -= off_K
         _estimate(heating, unsure_K, n, out)
         share = share_of_stroke(out[0], stress, n.ends)
     state[SHARE_AT] = share
-    if abs(other_K) > other_rooms.LEAST_K and step > 0.0 and len(n.expected_linear) > 0:
-        _learn_of_room(other_K, off_K, step, share, heating, room, n, out)
+    if step > 0.0 and len(n.expected_linear) > 0:
+        _learn_of_surroundings(other_K, rise_K, off_K, step, share, heating, around, n, out)
     if remembers:
         _add_other_loads(share, stress, first, oriented, n, out)
 
@@ -311,7 +320,7 @@ def advance_all(
     state: np.ndarray,
     oriented: Floats,
     usual: Floats,
-    room: Floats,
+    around: Floats,
     n: Numbers,
     out: np.ndarray,
 ) -> None:
@@ -327,7 +336,7 @@ def advance_all(
             state=state,
             oriented=oriented,
             usual=usual,
-            room=room,
+            around=around,
             n=n,
             out=out[i],
         )

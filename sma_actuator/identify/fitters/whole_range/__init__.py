@@ -41,7 +41,7 @@ from .judged import (
     regions,
 )
 from .learner import LEARNERS, Team, physical_curve, terms_of, whitening_of
-from .other_rooms import Expected, expected
+from .surroundings import Expected, expected
 
 __all__ = ["HeldOut", "WholeRangeFit", "beside_the_thesis", "fit_whole_range", "regions"]
 ITERATIONS = 100
@@ -138,7 +138,7 @@ def _coefficients(
         cold_resistance=_six(data.ends_Ohm[1]),
         **(_of_cold_wire(data.cold_wire) if data.cold_wire else {}),
         ambient_temperature=float(f"{np.median(data.ambient):.4g}"),
-        **_of_other_rooms(rooms),
+        **_of_surroundings(rooms),
         play_widths_K=PLAYS_K,
         play_widths_Ohm=_six(data.plays_Ohm),
         feature_centre=_six(scaling[0]),
@@ -175,8 +175,8 @@ def _where_learned(learned: np.ndarray, scaling: tuple[np.ndarray, np.ndarray]) 
     }
 
 
-def _of_other_rooms(rooms: Expected) -> dict[str, Any]:
-    """What tells how much a kelvin of another room counts."""
+def _of_surroundings(rooms: Expected) -> dict[str, Any]:
+    """What tells of other surroundings."""
     linear, hidden, bias, output = rooms.team.parts()
     return {
         "room_counts": _six(np.array([rooms.counts, rooms.counts_within])),

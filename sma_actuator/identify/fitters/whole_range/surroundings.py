@@ -1,6 +1,6 @@
-"""What a kelvin of another room counts, as far as logs of one room tell, and what will tell it in another.
+"""What a kelvin of another room counts, by the logs, and what will tell of other surroundings as the wire is used.
 
-See :mod:`sma_actuator.estimation.models.other_rooms`.  Geometry tells what a wire loses to still air when it is warm;
+See :mod:`sma_actuator.estimation.models.surroundings`.  Geometry tells what a wire loses to still air when it is warm;
 the heat balance takes that for its loss near the surroundings' temperature and lets it grow, so that it has the wire
 less warm than it is.  Logs of more than one room tell the rest.
 """
@@ -13,7 +13,7 @@ import numpy as np
 
 from sma_actuator.derived import RISE_K
 from sma_actuator.estimation.models.heat_content import APPARENT
-from sma_actuator.estimation.models.other_rooms import LEAST_K, WITHIN, nothing_seen, off_K, tell, unsure_K
+from sma_actuator.estimation.models.surroundings import LEAST_K, WITHIN, nothing_seen, off_K, tell
 
 from .data import Data
 from .judged import PLACES, intervals_of
@@ -24,7 +24,7 @@ ONE_SIGMA = 0.68  #: of the errors are within a standard deviation
 
 
 class Expected(NamedTuple):
-    """What tells how much a kelvin of another room counts."""
+    """What tells of other surroundings."""
 
     team: Team
     widths: np.ndarray  #: how far off it is, one standard deviation over its spread and the floor, (2, PLACES)
@@ -73,6 +73,7 @@ def expected(z: np.ndarray, data: Data, growth_1_K: float, scale_K: float) -> Ex
         memory = nothing_seen((counts, within))
         for row in np.flatnonzero(told & (of_log == log)):
             within_K = heating_K[row] if heating[row] else cooling_K[row]
-            tell(beyond_K[row], within_K, other_K[row], steps_s[row], data.share[data.rows[row]], memory)
-        counts, within = 1.0 - off_K(1.0, memory), unsure_K(1.0, memory)
+            tell(beyond_K[row], within_K, other_K[row], 0.0, steps_s[row], data.share[data.rows[row]], memory)
+        off, within = off_K(1.0, 0.0, memory)
+        counts = 1.0 - off
     return Expected(learned(usual), widths, floor_K, counts, within, (1.0 - counts) * other_K)
