@@ -19,12 +19,14 @@ from sma_actuator.diagnosis.trace import Evidence
 from sma_actuator.diagnosis.trace.rows import Rows
 from sma_actuator.diagnosis.trace.witnesses.residual import INTERVAL
 from sma_actuator.estimation.chain import Chain
-from sma_actuator.estimation.models.heat_content import at_usual_load, resistances_of
+from sma_actuator.estimation.models.heat_content import APPARENT, at_usual_load, known_of, resistances_of
+from sma_actuator.estimation.models.surroundings import WITHIN
 from sma_actuator.identify import IdentificationError, identify
 from sma_actuator.identify.fitters.fitting import predict
 from sma_actuator.identify.fitters.whole_range import learner
 from sma_actuator.identify.fitters.whole_range.data import Data
 from sma_actuator.identify.fitters.whole_range.learner import UNITS, Learner, learn, robust
+from sma_actuator.identify.fitters.whole_range.surroundings import expected
 from sma_actuator.logs.bench_log import signals_from_log
 from sma_actuator.logs.experiments import begins_anew, make_experiment
 from sma_actuator.logs.kinds import make_experiments
@@ -349,6 +351,19 @@ def test_in_other_surroundings_it_learns_what_these_make_of_its_heat(whole, arou
     off_m, uncertainty_m = off(whole.config)
     assert off_m.mean() < 0.9 * off(plain)[0].mean()
     assert (off_m <= uncertainty_m).mean() > 0.9
+
+
+def test_logs_of_another_room_are_learned_from_where_all_of_the_usual_one_are_left_out(flexinol):
+    """As with one long log of a room and short ones of another."""
+    config = bench_from_mapping(flexinol.mapping)
+    data = Data(make_experiments(flexinol.logs, config), config)
+    measured = sum(data.lengths)
+    long = np.arange(len(data.time)) % measured < 0.6 * measured
+    data.log_fold = np.where(long, 0, 1 + data.log_fold % 2)
+    data.ambient = np.where(long, data.ambient, data.ambient + 10.0)
+    seen = data.features(known_of(data.thermal))[data.rows]
+    found = expected((seen - seen.mean(axis=0)) / seen.std(axis=0), data, 0.0, float(seen[:, APPARENT].std()))
+    assert np.isfinite(found.widths).all() and 0.0 < found.counts_within < WITHIN
 
 
 def test_who_judges_a_model_sees_what_a_draught_makes_of_it(whole):

@@ -31,10 +31,7 @@ class Expected(NamedTuple):
     floor_K: float
     counts: float
     counts_within: float
-
-    off_K: (
-        np.ndarray
-    )  #: by how much the heat balance has the wire too warm in every row; what a copy has wrong is no room
+    off_K: np.ndarray  #: by how much the heat balance has the wire too warm in every row
 
 
 def expected(z: np.ndarray, data: Data, growth_1_K: float, scale_K: float) -> Expected:
@@ -43,14 +40,16 @@ def expected(z: np.ndarray, data: Data, growth_1_K: float, scale_K: float) -> Ex
     ``z``: scaled features of the rows (rows, features); ``growth_1_K``: of the heat loss; ``scale_K``: of the apparent
     temperature.
     """
-    ambient_C = data.ambient[: sum(data.lengths)]
+    ambient_C = data.ambient[: sum(data.lengths)]  # what copies have wrong is no room
     other_K = (ambient_C - np.median(ambient_C))[data.rows % len(ambient_C)]
     own, fold = data.measured, data.log_fold[data.rows]
-    usual = own & data.fewer & (np.abs(other_K) <= max(LEAST_K, float(np.median(np.abs(other_K)))))
+    few = own & data.fewer
+    usual = few & (np.abs(other_K) <= max(LEAST_K, float(np.median(np.abs(other_K)))))
     rest, apparent_K = z.copy(), scale_K * z[:, APPARENT]
     rest[:, APPARENT] = 0.0
 
     def learned(rows: np.ndarray) -> Team:
+        rows = rows if rows.any() else few  # of the usual room there is but what was left out
         return Team(rest[rows], apparent_K[rows], ITERATIONS, data.smooth, units=UNITS)
 
     beyond_K, spread_K = apparent_K.copy(), np.zeros(len(z))
