@@ -334,6 +334,7 @@ class Actuator:
             self._commanding,
             self._signals,
             self._estimate,
+            self._chain.loses,
             self._following,
             self._offered.joint_commands,
             self._tuner,

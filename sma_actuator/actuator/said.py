@@ -129,12 +129,13 @@ def status_of(
     commanding: Commanding,
     signals: Signals,
     estimate: Estimate,
+    loses: float,
     following: Following,
     joint_commands: str,
     tuner: Tuner,
     now_s: float,
 ) -> Status:
-    """The status of a step with these faults and limits."""
+    """The status of a step with these faults and limits; ``loses``: heat, over what it lost at its calibration."""
     mode = commanding.mode
     words = _WORDS_OF_MODE[mode._value_]  # a member of an enumeration is a key that takes long to look up
     if tuner.running is not None:
@@ -162,6 +163,7 @@ def status_of(
             "temperature_C": heat.temperature_C,
             "temperature_at_most_C": heat.at_most_C,
             "temperature_guessed_K": heat.guessed_K,
+            "heat_loss_times": loses,
             "current_limit_A": limit_A,
             "limited_setpoint_m": following.limited_setpoint_m,
             "shortest_m": following.short_m,

@@ -288,6 +288,11 @@ class Chain:
         return self._thermal.longer_m if self._thermal is not None else 0.0
 
     @property
+    def loses(self) -> float:
+        """Heat that the wire loses, over what it lost in the calibration; NaN where the model does not follow that."""
+        return getattr(self._thermal, "loses", nan)
+
+    @property
     def says_how_sure(self) -> bool:
         """Whether the model itself says how far off every one of its samples may be."""
         return self._thermal is not None

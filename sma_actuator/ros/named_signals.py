@@ -11,6 +11,7 @@ from sma_actuator.logs.recorder import recorded_row
 _OF_STATUS = (
     "temperature_C",
     "temperature_at_most_C",
+    "heat_loss_times",
     "current_limit_A",
     "limited_setpoint_m",
     "shortest_m",

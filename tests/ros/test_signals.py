@@ -29,6 +29,7 @@ MADE_OF_IT = {
     "stress_Pa",
     "power_W",
     "temperature_C",
+    "heat_loss_times",
     "current_limit_A",
     "current_A",
     "load_N",

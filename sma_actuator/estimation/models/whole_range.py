@@ -86,6 +86,12 @@ class WholeRangeModel:
         """Whether it learns, while it runs, that the wire loses more or less than in the calibration."""
         surroundings.follow_draughts(follows and self._taught, self._around)
 
+    @property
+    def loses(self) -> float:
+        """Heat that the wire loses, over what it lost in the calibration; 1 where nothing speaks for a draught."""
+        off, _ = surroundings.off_K(0.0, 1.0, self._around)
+        return 1.0 / (1.0 - min(off, 0.9))
+
     def doubt(self, displacement_m: np.ndarray) -> np.ndarray:
         """How wide the interval of an estimate is at a place, on the branch where it is wider, over the learners'
         spread."""
