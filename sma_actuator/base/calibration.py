@@ -390,38 +390,12 @@ def _mismatches(of: Any, name: str, **tables_by_stress: tuple[str, ...]) -> list
     return out
 
 
-def _pieces(nodes: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Coefficients (4, nodes - 1, …), the highest power first, of the cubics between at least three ascending nodes
-    that make a smooth curve without a wave (Fritsch and Butland 1984, as SciPy's ``PchipInterpolator`` has them to the
-    last bit: to import that takes longer than all else that a node imports of it).
-    """
-    x, y = (np.asarray(some, dtype=float) for some in (nodes, values))
-    width = np.diff(x).reshape((-1, *[1] * (y.ndim - 1)))
-    secant = np.diff(y, axis=0) / width
-    before, behind = secant[:-1], secant[1:]
-    turns = (np.sign(before) != np.sign(behind)) | (before == 0.0) | (behind == 0.0)
-    more, less = 2.0 * width[1:] + width[:-1], width[1:] + 2.0 * width[:-1]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        mean = (more / before + less / behind) / (more + less)
-        inner = np.where(turns, 0.0, 1.0 / mean)
-    slope = np.stack(
-        (_end_slope(width[0], width[1], *secant[:2]), *inner, _end_slope(width[-1], width[-2], *secant[:-3:-1]))
-    )
-    bend = (slope[:-1] + slope[1:] - 2.0 * secant) / width
-    return np.stack((bend / width, (secant - slope[:-1]) / width - bend, slope[:-1], y[:-1]))
-
-
-def _end_slope(width: np.ndarray, next_width: np.ndarray, secant: np.ndarray, next_secant: np.ndarray) -> np.ndarray:
-    """Of the parabola through the last three nodes, where it does not overshoot."""
-    slope = ((2.0 * width + next_width) * secant - width * next_secant) / (width + next_width)
-    steep = (np.sign(secant) != np.sign(next_secant)) & (np.abs(slope) > 3.0 * np.abs(secant))
-    return np.where(np.sign(slope) != np.sign(secant), 0.0, np.where(steep, 3.0 * secant, slope))
-
-
 @lru_cache(maxsize=64)
-def _curve(nodes: tuple[float, ...], values: tuple[float, ...]) -> np.ndarray:
+def _curve(nodes: tuple[float, ...], values: tuple[float, ...]) -> Any:
     """Made once of every table: each step of a fit asks the same few."""
-    return _pieces(np.array(nodes), np.array(values))
+    from scipy.interpolate import PchipInterpolator  # half the time that a program takes to start which never asks
+
+    return PchipInterpolator(nodes, values)
 
 
 def through(nodes: Sequence[float] | np.ndarray, values: Sequence[float] | np.ndarray, at: Any) -> Any:
@@ -433,12 +407,10 @@ def through(nodes: Sequence[float] | np.ndarray, values: Sequence[float] | np.nd
     """
     if len(nodes) < 3:
         return np.interp(at, nodes, values)
+    curve = _curve(tuple(nodes), tuple(values))
     inside = np.clip(at, nodes[0], nodes[-1])
-    piece = np.clip(np.searchsorted(nodes, inside, side="right") - 1, 0, len(nodes) - 2)
-    cubic, square, slope, value = _curve(tuple(nodes), tuple(values))[:, piece]
-    on, further = inside - np.asarray(nodes)[piece], np.clip(at - inside, nodes[0] - nodes[1], nodes[-1] - nodes[-2])
-    curve = value + slope * on + square * (on * on) + cubic * (on * on * on)
-    return curve + (slope + square * on * 2.0 + cubic * (on * on) * 3.0) * further
+    further = np.clip(at - inside, nodes[0] - nodes[1], nodes[-1] - nodes[-2])
+    return curve(inside) + curve(inside, 1) * further
 
 
 def through_each(nodes: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
@@ -447,8 +419,10 @@ def through_each(nodes: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.nd
     if len(nodes) < 3:
         share = (inside - nodes[0]) / max(nodes[-1] - nodes[0], 1e-300)
         return values[0] + share * (values[-1] - values[0])
+    from scipy.interpolate import PchipInterpolator
+
     piece = np.clip(np.searchsorted(nodes, inside, side="right") - 1, 0, len(nodes) - 2)
-    cubic, square, slope, value = _pieces(nodes, values)[:, piece, each]
+    cubic, square, slope, value = PchipInterpolator(nodes, values).c[:, piece, each]
     on = inside - nodes[piece]
     further = np.clip(at - inside, nodes[0] - nodes[1], nodes[-1] - nodes[-2])
     steep = (3.0 * cubic * on + 2.0 * square) * on + slope

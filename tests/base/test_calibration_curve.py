@@ -1,15 +1,11 @@
 """The curve through the tables of a calibration: SciPy's, to the last bit."""
 
-import subprocess
-import sys
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import PchipInterpolator
 
 from sma_actuator.base.calibration import through, through_each
-from sma_actuator.base.share import shared_file
 
 NUMBERS = st.floats(-1e3, 1e3).map(lambda x: round(x, 3))  # some of them alike, and some nothing
 TABLES = st.integers(3, 8).flatmap(
@@ -40,11 +36,3 @@ def test_beyond_them_it_goes_on_straight_as_far_as_the_next_node_lies_within(tab
     for at in (ends + 0.5 * most, ends + 9.0 * most):
         further = np.clip(at - ends, *np.sort([np.zeros(2), most], axis=0))
         np.testing.assert_array_equal(through(nodes, values, at), curve(ends) + curve(ends, 1) * further)
-
-
-def test_what_drives_a_wire_does_not_wait_for_scipys_to_be_imported():
-    script = (
-        "import sys; from sma_actuator.actuator import Actuator; from sma_actuator.config import Config; "
-        "Actuator(Config.load(sys.argv[1])); sys.exit('scipy.interpolate' in sys.modules)"
-    )
-    assert subprocess.run([sys.executable, "-c", script, shared_file("config/flexinol.yaml")]).returncode == 0
