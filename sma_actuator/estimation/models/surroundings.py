@@ -50,10 +50,16 @@ _KNOWN, _KNOWN_PULL, _KNOWN_DRAUGHT, _READINGS, _ROOM, _BOTH, _RISE, _ROOM_PULL,
 
 
 def nothing_seen(counts: Sequence[float]) -> Floats:
-    """The memory of a model that has seen nothing; of no draught, until it is to :func:`follow_draughts`."""
+    """The memory of a model that has seen nothing; of no draught, until it is to :func:`follow_draughts`.
+
+    ``counts``: what is known, in the order of the indices above.
+    """
     memory = floats(11)
+    within = counts[COUNTS_WITHIN] or NO_NEWS
+    memory[_KNOWN] = 1.0 / within**2
+    memory[_KNOWN_PULL] = (1.0 - counts[COUNTS]) / within**2
     follow_draughts(False, memory)
-    forget(counts, memory)
+    forget(memory)
     return memory
 
 
@@ -62,11 +68,8 @@ def follow_draughts(follows: bool, memory: Floats) -> None:
     memory[_KNOWN_DRAUGHT] = 1.0 / (DRAUGHT if follows else NO_NEWS) ** 2
 
 
-def forget(counts: Sequence[float], memory: Floats) -> None:
+def forget(memory: Floats) -> None:
     """What was known before anything was seen is all that is known."""
-    within = counts[COUNTS_WITHIN] or NO_NEWS
-    memory[_KNOWN] = 1.0 / within**2
-    memory[_KNOWN_PULL] = (1.0 - counts[COUNTS]) / within**2
     for each in range(_READINGS, _SHARE):
         memory[each] = 0.0
     memory[_SHARE] = nan
@@ -100,11 +103,18 @@ def off_K(other_K: float, rise_K: float, memory: Floats) -> tuple[float, float]:
 
 @jit
 def tell(
-    beyond_K: float, within_K: float, other_K: float, rise_K: float, step_s: float, share: float, memory: Floats
+    beyond_K: float,
+    within_K: float,
+    believed_K: float,
+    other_K: float,
+    rise_K: float,
+    step_s: float,
+    share: float,
+    memory: Floats,
 ) -> None:
     """For so long a sample's apparent temperature was so far beyond the expected one, which is as sure as that.
 
-    ``share``: of the stroke, where the wire is.
+    ``believed_K``: by how much it was thought to be (:func:`off_K`); ``share``: of the stroke, where the wire is.
     """
     if isnan(memory[_SHARE]):
         memory[_SHARE] = share
@@ -114,9 +124,8 @@ def tell(
     memory[_NEWS] = min(memory[_NEWS] - reading + way / ALIKE, 1.0)
     if abs(other_K) < LEAST_K:
         other_K = 0.0
-    expected_K = off_K(other_K, rise_K, memory)[0]
     most_K = SURPRISE * within_K
-    beyond_K = expected_K + min(max(beyond_K - expected_K, -most_K), most_K)
+    beyond_K = believed_K + min(max(beyond_K - believed_K, -most_K), most_K)
     weight = reading / within_K**2
     stays = 1.0 - reading / LASTS
     memory[_READINGS] = stays * memory[_READINGS] + reading

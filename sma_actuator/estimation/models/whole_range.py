@@ -65,7 +65,6 @@ class WholeRangeModel:
         )
         self._state = np.zeros(PLAYS_AT + n - DIRECT)
         self._oriented = orientation.nothing_known()
-        self._counts = c.room_counts
         self._around = surroundings.nothing_seen(c.room_counts)
         self._taught = bool(c.expected_bias)
         self.follow_draughts(True)
@@ -80,7 +79,7 @@ class WholeRangeModel:
         self._state[:] = nan
         self._state[RESTED_AT] = power_W
         orientation.forget(self._oriented)
-        surroundings.forget(self._counts, self._around)
+        surroundings.forget(self._around)
 
     def follow_draughts(self, follows: bool) -> None:
         """Whether it learns, while it runs, that the wire loses more or less than in the calibration."""
@@ -88,7 +87,10 @@ class WholeRangeModel:
 
     @property
     def loses(self) -> float:
-        """Heat that the wire loses, over what it lost in the calibration; 1 where nothing speaks for a draught."""
+        """Heat that the wire loses, over what it lost in the calibration; 1 where nothing speaks for a draught, NaN
+        where nothing could."""
+        if not self._taught:
+            return nan
         off, _ = surroundings.off_K(0.0, 1.0, self._around)
         return 1.0 / (1.0 - min(off, 0.9))
 

@@ -235,7 +235,7 @@ def _learn_of_surroundings(
     said = out[OUT - 3 :]
     _learned(n.z, n.expected_linear, n.expected_hidden, n.expected_layer, said)
     within_K = _width(OF_EXPECTED, out[0], heating, n) * (n.limits[EXPECTED_FLOOR_K] + said[1])
-    surroundings.tell(apparent - said[0], within_K, other_K, rise_K, step, share, around)
+    surroundings.tell(apparent - said[0], within_K, off_K, other_K, rise_K, step, share, around)
 
 
 @jit

@@ -32,7 +32,8 @@ def told(beyond_K, other_K=0.0, rise_K=40.0, shares=None, draughts=False):
     turns = np.arange(len(beyond_K)) * STEP_s / ALIKE_s
     to_and_fro = 0.5 - 0.5 * np.cos(2.0 * np.pi * turns)
     for each_K, share in zip(beyond_K, to_and_fro if shares is None else shares, strict=True):
-        tell(each_K, WITHIN_K, other_K, rise_K, STEP_s, share, memory)
+        off, _ = off_K(other_K, rise_K, memory)
+        tell(each_K, WITHIN_K, off, other_K, rise_K, STEP_s, share, memory)
     return memory
 
 
@@ -98,7 +99,7 @@ def test_a_wire_that_is_held_for_an_hour_says_once_what_it_says_there(moves, rea
 def test_a_reset_forgets_what_was_seen():
     memory = told(9.0 * minutes(3.0), 10.0, draughts=True)
     assert off_K(10.0, 40.0, memory)[0] > 4.0
-    forget(KNOWN, memory)
+    forget(memory)
     assert off_K(10.0, 40.0, memory)[0] == pytest.approx(1.0)
 
 
@@ -118,5 +119,6 @@ def test_whatever_is_seen_it_stays_finite(beyond_K, other_K, within_K, step_s, r
     memory = nothing_seen(KNOWN)
     follow_draughts(True, memory)
     for number, each_K in enumerate(beyond_K):
-        tell(each_K, within_K, other_K, rise_K, step_s, share * (number % 2), memory)
+        off, _ = off_K(other_K, rise_K, memory)
+        tell(each_K, within_K, off, other_K, rise_K, step_s, share * (number % 2), memory)
         assert np.isfinite(off_K(other_K, rise_K, memory)).all()

@@ -63,16 +63,17 @@ def expected(z: np.ndarray, data: Data, growth_1_K: float, scale_K: float) -> Ex
     places = np.linspace(first, last, PLACES)
     score = np.abs(beyond_K) / (floor_K + spread_K)
     widths = intervals_of(place[usual], heating[usual], score[usual], places, ONE_SIGMA)
-    cooling_K, heating_K = (np.interp(place, places, row) * (floor_K + spread_K) for row in widths)
+    within_K = (floor_K + spread_K) * np.where(heating, *(np.interp(place, places, row) for row in widths[::-1]))
     of_log = np.searchsorted(np.cumsum(data.lengths), data.rows, side="right")
-    steps_s = np.maximum(np.diff(data.time[data.rows], prepend=np.inf), 0.0)  # a log begins with none
     counts, within = 1.0 / (1.0 + RISE_K * growth_1_K), WITHIN
     told = own & (np.abs(other_K) > LEAST_K)
     for log in np.unique(of_log[told]):  # each a run, which begins with what those before it have told
         memory = nothing_seen((counts, within))
-        for row in np.flatnonzero(told & (of_log == log)):
-            within_K = heating_K[row] if heating[row] else cooling_K[row]
-            tell(beyond_K[row], within_K, other_K[row], 0.0, steps_s[row], data.share[data.rows[row]], memory)
+        rows = np.flatnonzero(told & (of_log == log))
+        time_s, share = data.time[data.rows[rows]], data.share[data.rows[rows]]
+        for row, step_s, here in zip(rows, np.diff(time_s, prepend=time_s[0]), share, strict=True):
+            off, _ = off_K(other_K[row], 0.0, memory)
+            tell(beyond_K[row], within_K[row], off, other_K[row], 0.0, step_s, here, memory)
         off, within = off_K(1.0, 0.0, memory)
         counts = 1.0 - off
     return Expected(learned(usual), widths, floor_K, counts, within, (1.0 - counts) * other_K)
