@@ -26,7 +26,7 @@ class Remembered:
         """What ``make`` makes; ``arrays`` decide it."""
         digest = sha256()
         for values in arrays:
-            digest.update(f"{values.dtype} {values.shape}".encode())
+            digest.update(f"{values.dtype.str} {values.shape}".encode())
             digest.update(np.ascontiguousarray(values).data)
         key = digest.digest()
         if key not in self._known:

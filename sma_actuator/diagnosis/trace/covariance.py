@@ -19,10 +19,13 @@ class Covariance:
         together = self._root * self._by_itself(self._columns) if self._columns is not None else np.zeros((1, 0))
         squares, vectors = np.linalg.eigh(together.T @ together)
         some = squares > 1e-9 * max(float(squares.max(initial=0.0)), 1e-9)
-        self._along = together @ (vectors[:, some] / np.sqrt(squares[some]))
-        self._shrink = 1.0 - 1.0 / np.sqrt(1.0 + squares[some])
+        squares, vectors = squares[some], vectors[:, some]
+        self._together = together
+        #: How much rows shrink along what is off together, (columns, columns).  No more than half of it, so that
+        #: columns that say nearly the same do not blow up what is rounded.
+        self._shrink = vectors * ((1.0 - 1.0 / np.sqrt(1.0 + squares)) / squares) @ vectors.T
         #: Logarithm of the determinant.
-        self.log_determinant = float(np.sum(np.log1p(squares[some])))
+        self.log_determinant = float(np.sum(np.log1p(squares)))
         if alone is not None:
             self.log_determinant += self.of_sizes(*alone)
 
@@ -58,6 +61,6 @@ class Covariance:
         return rows if self._alone is None else (rows.T / self._alone[0]).T
 
     def _apart(self, rows: np.ndarray) -> np.ndarray:
-        if not len(self._shrink):
+        if self._columns is None:
             return self._root * rows
-        return self._root * (rows - self._along @ (self._shrink * (self._along.T @ rows).T).T)
+        return self._root * (rows - self._together @ (self._shrink @ (self._together.T @ rows)))
