@@ -150,7 +150,8 @@ def find_table(rows: Sequence[Sequence[str]]) -> tuple[int, int, int] | None:
 
 def _mostly_values(fields: Sequence[str]) -> bool:
     filled = [text for text in fields if text.strip()]
-    return 2 * sum(map(_is_value, filled)) >= max(_FEWEST_COLUMNS, len(filled)) and any(map(is_number, filled))
+    # First what is asked quickly: with every other separator than its own a line is one long text.
+    return any(map(is_number, filled)) and 2 * sum(map(_is_value, filled)) >= max(_FEWEST_COLUMNS, len(filled))
 
 
 def _names_above(rows: Sequence[Sequence[str]], begin: int, end: int) -> int | None:
