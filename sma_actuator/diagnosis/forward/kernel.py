@@ -237,9 +237,9 @@ def simulate(wire: ForwardWire, duty: np.ndarray, step_s: float) -> np.ndarray:
         duty = np.diff(np.interp(ends - wire.effects.dead_time_s, ends, np.concatenate([[0.0], np.cumsum(duty)])))
     out = np.empty((len(duty), 6))
     _advance(
-        wire.constants(),
+        wire.constants,
         _stand(wire),
-        wire.kinetics.bands(),
+        wire.bands,
         parts,
         memory_m,
         memory_m.copy(),

@@ -10,6 +10,7 @@ import dataclasses
 import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -143,7 +144,9 @@ class ForwardWire:
         where, _, key = name.partition(".")
         return getattr(getattr(self, where), key)
 
-    @property
+    # Kept with the wire: a fit asks them of the same one for every run.
+
+    @cached_property
     def kinetics(self) -> Kinetics:
         """The kinetics chosen, between the four temperatures."""
         w = self.wire
@@ -158,6 +161,12 @@ class ForwardWire:
             stress_slope_Pa_K=w.stress_slope_Pa_K,
         )
 
+    @cached_property
+    def bands(self) -> np.ndarray:
+        """The kinetics, for the same kernels."""
+        return self.kinetics.bands()
+
+    @cached_property
     def constants(self) -> Constants:
         """The numbers for the kernels of :mod:`sma_actuator.plant.physics`."""
         wire = materials.Specimen(
