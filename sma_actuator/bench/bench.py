@@ -230,13 +230,17 @@ class VirtualBench:
             events += [start_s for start_s, _ in self.load.steps if start_s > self.time_s + 1e-9][:1]
         return [e for e in events if e < inf]
 
+    @property
+    def _is_on(self) -> bool:
+        return self.supply.output_on or "output_welded" in self.faults
+
     def _set_inputs(self) -> None:
         """What holds now, for the physics."""
         inputs, supply, faults = self._inputs, self.supply, self.faults
         force_N, stiffness_N_m, spring_at_m = self.load.at(self.time_s)
         inputs[physics.CURRENT_SET] = supply.current_A
         inputs[physics.VOLTAGE_LIMIT] = supply.voltage_V
-        inputs[physics.OUTPUT_ON] = supply.output_on or "output_welded" in faults
+        inputs[physics.OUTPUT_ON] = self._is_on
         inputs[physics.OCP] = supply.effective_ocp_A
         inputs[physics.OVP] = supply.effective_ovp_V
         inputs[physics.FORCE] = force_N + faults.get("load_spike", 0.0)
@@ -255,6 +259,10 @@ class VirtualBench:
 
     def _run(self, steps: int) -> None:
         self._set_inputs()
+        self._simulate(steps)
+
+    def _simulate(self, steps: int) -> None:
+        """Steps with the inputs that are set."""
         simulate = coil.simulate if self.setup.wire.coil_diameter_m else physics.simulate
         self._row = simulate(
             steps,

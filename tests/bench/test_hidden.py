@@ -115,7 +115,9 @@ LOADS = {
 }
 
 
+@functools.cache
 def hidden(load="weight", seed=0, seconds=SESSION_s, **effects):
+    """What a session shows that was driven once for all tests that look at it: nobody may change it."""
     bench = HiddenBench.from_name("flexinol", seed=seed, load=LOADS[load], hidden=effects, session_s=SESSION_s)
     return drive(bench, seconds)
 

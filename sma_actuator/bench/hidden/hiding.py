@@ -41,9 +41,9 @@ class HiddenBench(VirtualBench):
             for name, kind in known.items()
             if hidden.get(name)
         ]
-        self._stretching, self._reading = (
+        self._warming, self._driving, self._stretching, self._reading = (
             [each for each in self.hidden if getattr(type(each), hook) is not getattr(Hidden, hook)]
-            for hook in ("stretch_m", "read")
+            for hook in ("ambient_K", "drive", "stretch_m", "read")
         )
         self._stretch_m = 0.0
         if self.hidden:
@@ -69,24 +69,30 @@ class HiddenBench(VirtualBench):
         plain = VirtualBench.from_name(name, seed, load, like, physics, cycles, **setup)
         return cls(plain.setup, seed, hidden, session_s)
 
-    def _set_inputs(self) -> None:
-        super()._set_inputs()
+    def _disturb(self, usual: np.ndarray) -> None:
+        """Inputs for the next samples, where ``usual`` ones would hold without an effect."""
         inputs, time_s = self._inputs, self.time_s
-        inputs[physics.MORE_SERIES] = inputs[physics.SHUNT] = 0.0
+        inputs[:] = usual
+        inputs[physics.OUTPUT_ON] = self._is_on  # a protection may have tripped
         inputs[physics.SPRING_AT] -= self._stretch_m  # the spring holds the joint, not the wire
-        for each in self.hidden:
+        for each in self._warming:
             inputs[physics.AMBIENT] += each.ambient_K(time_s)
+        for each in self._driving:
             each.drive(inputs, time_s)
 
     def _run(self, steps: int) -> None:
         if not self.hidden:
             super()._run(steps)
             return
+        self._set_inputs()
+        usual = self._inputs.copy()
+        usual[physics.MORE_SERIES] = usual[physics.SHUNT] = 0.0
         end = self.samples + steps
         while self.samples < end:
             n = min(CHUNK - self.samples % CHUNK, end - self.samples)
             before_m = self._stretch_m
-            super()._run(n)
+            self._disturb(usual)
+            self._simulate(n)
             if not (self._stretching or self._reading):
                 continue
             first = (self._row - n) % RING
