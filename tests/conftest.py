@@ -23,6 +23,7 @@ from left_behind import end_with_this_process
 from once import made_once
 from rig import Rig
 
+import sma_actuator
 from sma_actuator.base.jit import COMPILED
 from sma_actuator.base.one_thread import one_thread
 from sma_actuator.base.share import shared_file
@@ -144,16 +145,21 @@ _WANTED_BY_MANY = (
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Do once what every worker of a fresh clone would do: compile what many want, and rewrite the tests' assertions,
     which is most of collecting them."""
-    if getattr(session.config.option, "numprocesses", None):
-        files = [str(shared_file(f"config/{wire}.yaml")) for wire in ("flexinol", "furukawa", "coil")]
+    if not getattr(session.config.option, "numprocesses", None):
+        return
+    tests, package = Path(__file__).parent, Path(sma_actuator.__file__).parent
+    rewritten = len([*tests.rglob("__pycache__/test_*-pytest-*.pyc")]) >= len([*tests.rglob("test_*.py")])
+    rewriting, compiling = None, []
+    if not rewritten and not sys.dont_write_bytecode:
         collecting = [sys.executable, "-m", "pytest", "--collect-only", "-qq", *session.config.args]
-        rewriting = None if sys.dont_write_bytecode else subprocess.Popen(collecting, stdout=subprocess.DEVNULL)
-        compiling = [
-            subprocess.Popen([sys.executable, "-c", f"import sys; {text}", *files]) for text in _WANTED_BY_MANY
-        ]
-        assert [process.wait(600) for process in compiling] == [0, 0]
-        if rewriting is not None:
-            rewriting.wait(600)  # what does not collect, the workers say
+        rewriting = subprocess.Popen(collecting, stdout=subprocess.DEVNULL)
+    if COMPILED and not any(package.rglob("*.nbi")):
+        files = [str(shared_file(f"config/{wire}.yaml")) for wire in ("flexinol", "furukawa", "coil")]
+        programs = [[sys.executable, "-c", f"import sys; {text}", *files] for text in _WANTED_BY_MANY]
+        compiling = [subprocess.Popen(program) for program in programs]
+    assert not any(process.wait(600) for process in compiling)
+    if rewriting is not None:
+        rewriting.wait(600)  # what does not collect, the workers say
 
 
 @atexit.register  # before anything else is, so that it runs last: what others started they end in good order
