@@ -330,37 +330,39 @@ class TestFromTheStart:
         ports = bench.ports[0]
         start_bench("--supply-port", str(ports["supply"]), "--daq-port", str(ports["daq"]))
         _transition(client, Transition.TRANSITION_CONFIGURE)  # or the node itself has been quicker
-        client.spin_until(
-            lambda: client.call(f"{NAME}/get_state", GetState).current_state.label == "active", what="active"
-        )
+        _status(client, lambda s: s.values["lifecycle"] == "active")
+        assert client.call(f"{NAME}/get_state", GetState).current_state.label == "active"
         assert node.popen.poll() is None, node.words
 
 
 class TestFlood:
-    @pytest.fixture
-    def flooded(self, start_bench, make_config, start_node, client):
-        bench = start_bench("--load", "weight:0.98")
+    @pytest.fixture(scope="class")
+    def flooded(self, folder, make_config):
+        """(bench, client) of a node that four publishers flood through both tests."""
+        bench = Bench(folder, "--load", "weight:0.98")
         # So low that a flood is one on a slow machine too.
-        node = start_node(make_config(instruments=bench.instruments(), **{"safety.setpoint_flood_rate": 20.0}))
-        _enabled(client)
-        program = Path(__file__).with_name("flood.py")
-        floods = [
-            subprocess.Popen([sys.executable, str(program), f"{NAME}/setpoint"], stdout=subprocess.PIPE)
-            for _ in range(4)
-        ]
+        parameters = make_config(instruments=bench.instruments(), **{"safety.setpoint_flood_rate": 20.0})
+        path = parameter_file(folder, {"sma_actuator": parameters})
+        node, client, floods = NodeProcess(["--ros-args", "--params-file", str(path)], folder), Client(), []
         try:
+            _enabled(client)
+            program = [sys.executable, str(Path(__file__).with_name("flood.py")), f"{NAME}/setpoint"]
+            floods += [subprocess.Popen(program, stdout=subprocess.PIPE) for _ in range(4)]
             for flood in floods:
                 flood.stdout.readline()
             node.says("setpoints come faster than safety.setpoint_flood_rate")
-            yield bench, node
+            yield bench, client
         finally:
             for flood in floods:
                 flood.kill()
                 flood.wait()
                 flood.stdout.close()
+            client.close()
+            node.close()
+            bench.close()
 
-    def test_off_goes_before_four_publishers_that_flood(self, flooded, client):
-        bench, _node = flooded
+    def test_off_goes_before_four_publishers_that_flood(self, flooded):
+        bench, client = flooded
         took_s = []
         for _ in range(5):
             client.spin_until(lambda: _enable(client).success, what="enabling")
@@ -374,8 +376,8 @@ class TestFlood:
         # only after three seconds.
         assert statistics.median(took_s) < 2.0, took_s
 
-    def test_stop_switches_off_and_says_so(self, flooded, client):
-        bench, _ = flooded
+    def test_stop_switches_off_and_says_so(self, flooded):
+        bench, client = flooded
         client.spin_until(lambda: _enable(client).success, what="enabling")
         response = client.call(f"{NAME}/stop", Trigger)
         assert response.success

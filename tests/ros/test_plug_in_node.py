@@ -43,9 +43,17 @@ LAW = "/sma_actuator: control law 'on_off'"
 @pytest.mark.parametrize(
     ("line", "does", "said"),
     [
-        (BUILT, "        raise RuntimeError('no licence')\n", f"{LAW}: RuntimeError: no licence\n"),
+        pytest.param(
+            *(BUILT, "        raise RuntimeError('no licence')\n", f"{LAW}: RuntimeError: no licence\n"),
+            marks=pytest.mark.long,
+        ),
         (BUILT, "        raise SystemExit(3)\n", f"{LAW}: SystemExit: 3\n"),
-        ("class OnOff:\n", "    raise OSError('no licence')\n", "package 'sma-tiny' 0.1.0: its entry point on_off = "),
+        # What is said of a part that cannot be imported, tests/base/test_registry.py looks at.
+        pytest.param(
+            *("class OnOff:\n", "    raise OSError('no licence')\n"),
+            "package 'sma-tiny' 0.1.0: its entry point on_off = ",
+            marks=pytest.mark.long,
+        ),
     ],
     ids=["raises when it is built", "leaves when it is built", "raises when it is imported"],
 )
