@@ -305,19 +305,23 @@ def test_what_anybody_says_that_a_parameter_is_the_node_is_asked_for(stand, clie
     with_page(stand, work)
 
 
-@pytest.fixture(scope="module")
-def log(tmp_path_factory):
-    """A bench log of a quarter of a minute: three cycles, the fewest that can be traced."""
+@pytest.fixture(params=[2, pytest.param(3, marks=pytest.mark.long)])
+def log(request, tmp_path_factory):
+    """A bench log of some seconds; three cycles are the fewest that can be traced."""
     config = Config.load(shared_file("config/flexinol.yaml"))
     bench = VirtualBench.from_name("flexinol", seed=3)
     rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
     path = tmp_path_factory.mktemp("log") / "pulses.csv"
     with rig.opened():
-        write_bench_log(path, rig.record(Drive(float(a)) for a in np.tile(np.repeat([0.05, 0.32], [40, 60]), 3)))
-    return path
+        write_bench_log(
+            path, rig.record(Drive(float(a)) for a in np.tile(np.repeat([0.05, 0.32], [40, 60]), request.param))
+        )
+    return path, request.param
 
 
 def test_a_log_that_is_sent_is_replayed_and_traced_with_the_nodes_model(stand, log):
+    log, cycles = log
+
     async def work(page):
         await page.until(lambda: page.told.get("parameters", {}).get("range_m"))
         headers = {"Origin": stand.url, "Authorization": f"Bearer {stand.token}"}
@@ -331,7 +335,7 @@ def test_a_log_that_is_sent_is_replayed_and_traced_with_the_nodes_model(stand, l
                 assert response.status == 202
             await page.until(lambda: "columns" in (page.told.get("log") or {}))
             columns = page.told["log"]["columns"]
-            assert len(columns["at_s"]) == 300
+            assert len(columns["at_s"]) == 100 * cycles
             errors = [
                 abs(a - b)
                 for a, b in zip(columns["displacement_estimate_m"], columns["displacement_m"])
@@ -341,7 +345,9 @@ def test_a_log_that_is_sent_is_replayed_and_traced_with_the_nodes_model(stand, l
             assert "mean absolute error" in page.told["log"]["words"]
             await page.until(lambda: page.told["log"]["trace"] not in ("", "tracing …"))
         verdict = page.told["log"]["trace"]
-        assert verdict.partition(":")[0] in ("none", "traced", "unexplained", "not traced"), verdict
+        # Of what a trace makes of it, test_view_server.py sees that its page is served.
+        verdicts = ("not traced",) if cycles < 3 else ("none", "traced", "unexplained", "not traced")
+        assert verdict.partition(":")[0] in verdicts, verdict
         if "report" in page.told["log"]:
             async with aiohttp.ClientSession() as http, http.get(stand.url + page.told["log"]["report"]) as response:
                 assert response.status == 200

@@ -6,6 +6,7 @@ import errno
 import json
 import math
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -344,6 +345,36 @@ def test_the_page_and_its_files_are_served():
                 assert await response.text()
 
     with_server(work)
+
+
+def test_what_a_trace_of_a_log_says_is_told_with_the_address_of_its_page(monkeypatch):
+    """Of real processes, in the long tests: test_view.py."""
+    told = []
+
+    async def run(command, _):
+        if "trace" not in command:
+            Path(command[-1]).write_text('{"words": "replayed", "columns": {}, "traceable": true}')
+            return
+        assert command[command.index("trace") + 1].endswith("x.csv") and "--config" in command
+        folder = Path(command[command.index("--out") + 1])
+        folder.mkdir()
+        (folder / "report.json").write_text('{"verdict": "none", "sentence": "Nothing is missing."}')
+        (folder / "report.html").write_text("the page")
+
+    async def work():
+        async def chunks():
+            yield b"a log"
+
+        desk = logs.LogDesk(told.append)
+        await desk.take("x.csv", chunks(), Config.load(shared_file("config/flexinol.yaml")))
+        await desk._task
+        page = desk.reports[told[-1]["report"]].read_text()
+        await desk.give_up()
+        return page
+
+    monkeypatch.setattr(logs, "_run", run)
+    assert asyncio.run(work()) == "the page"
+    assert [each["trace"] for each in told] == ["", "tracing …", "none: Nothing is missing."]
 
 
 def test_a_report_is_served_at_its_address_and_nowhere_else(tmp_path):
