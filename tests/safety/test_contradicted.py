@@ -19,7 +19,7 @@ BEGINS_s, PERIOD_s = 25.0, 9.0
 LOADS = (Weight(0.98), Weight(1.96), Spring(400.0, 0.6))
 
 
-@pytest.fixture(params=["sine", "steps"])
+@pytest.fixture(params=["sine", pytest.param("steps", marks=pytest.mark.long)])
 def move(request):
     """Move a wire to and fro for so long, or until it is off; the first time that each fault was in the status."""
 

@@ -622,7 +622,7 @@ def readings(seed, count=700):
         yield now_s, max(0.02, set_A + noise_A), random
 
 
-@pytest.mark.parametrize("seed", [*range(4), *(pytest.param(seed, marks=pytest.mark.long) for seed in range(4, 12))])
+@pytest.mark.parametrize("seed", [*range(2), *(pytest.param(seed, marks=pytest.mark.long) for seed in range(2, 12))])
 class TestByTheirDefinition:
     def test_of_two_currents(self, seed):
         currents, definition = CurrentsApart(), Definition(SHARE, 0.2, 1e-3, stands=0.25e-3, odd_counts=True)

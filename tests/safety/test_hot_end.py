@@ -56,7 +56,7 @@ def reversing_wire(name):
     return dataclasses.replace(wire, material=material)
 
 
-@pytest.fixture(scope="module", params=sorted(STEEP))
+@pytest.fixture(scope="module", params=["flexinol", pytest.param("furukawa", marks=pytest.mark.long)])
 def identified(request, tmp_path_factory):
     """Name and parameters of such a wire, identified from its own logs."""
     name, folder = request.param, tmp_path_factory.mktemp(request.param)
