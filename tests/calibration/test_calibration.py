@@ -27,7 +27,7 @@ from sma_actuator.plant.loads import Weight
 @pytest.fixture(scope="module")
 def identified(flexinol):
     logs = flexinol.only("pulses", "partial")
-    return logs, identify(logs, flexinol.mapping, "flexinol")
+    return logs, identify(logs, flexinol.mapping, "flexinol", order=2)
 
 
 def test_the_model_file_says_how_good_the_model_was(identified):

@@ -147,7 +147,8 @@ def test_a_wire_that_was_held_back_from_contracting_expands_and_says_nothing(fur
     expands_m = np.max(columns["displacement_m"]) + 11e-6 * rise_K * config.wire.length
     held_back = BenchLog({**columns, "displacement_m": expands_m})
     assert log_counts_contraction(held_back)  # for all that it shows
-    assert identify([*furukawa.only("pulses", "partial"), held_back], furukawa.mapping, "furukawa").mapping["model"]
+    logs = [*furukawa.only("pulses", "partial"), held_back]
+    assert identify(logs, furukawa.mapping, "furukawa", order=1).mapping["model"]
 
 
 def test_of_one_sensor_what_most_logs_say_counts_and_of_the_others_it_is_told(flexinol):
@@ -156,7 +157,7 @@ def test_of_one_sensor_what_most_logs_say_counts_and_of_the_others_it_is_told(fl
     *logs, odd = flexinol.only("pulses", "partial")
     turned = in_physical_units(odd, config)
     turned.columns["displacement_m"] = 5e-3 - turned["displacement_m"]
-    said = identify([*logs, turned], flexinol.mapping, "flexinol").notes
+    said = identify([*logs, turned], flexinol.mapping, "flexinol", order=1).notes
     assert any("grows while the wire is heated, in the others it falls" in sentence for sentence in said)
     with pytest.raises(IdentificationError, match="counts contraction"):
         identify([turned], flexinol.mapping, "flexinol")

@@ -39,7 +39,7 @@ def whole(request, flexinol):
     is promised here holds of it too."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(learner, "UNITS", request.param)
-        return identify(flexinol.logs, flexinol.mapping, "whole_range")
+        return identify(flexinol.logs, flexinol.mapping, "whole_range", order=2)  # of the thesis's model beside it
 
 
 @pytest.fixture(scope="module")

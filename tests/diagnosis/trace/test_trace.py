@@ -315,9 +315,9 @@ def test_the_power_to_transform_tells_it_from_surroundings_of_another_temperatur
     assert wrong.nats < 0.0 and wrong.by_witness["power in the transformation"] < -1.0
 
 
-@ONE_LOG_AND_TWO
-def test_a_slip_is_no_drift_however_much_a_drift_mends(wire, config, logs):
-    _, wrong = beside(Evidence(session(wire[0], {"slip": 4e-4}, logs=logs), config), "slip", "reference_drift")
+@pytest.mark.long  # of a slip that is no lead, above
+def test_a_slip_is_no_drift_however_much_a_drift_mends(wire, config):
+    _, wrong = beside(Evidence(session(wire[0], {"slip": 4e-4}), config), "slip", "reference_drift")
     assert wrong.nats < -3.0
 
 
@@ -671,17 +671,26 @@ def test_bad_logs_are_refused_in_a_sentence(wire, config, spoil, said):
 # --- why -----------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def a_lead(wire, config):
+#: Beside a drift of a contact, which ends where it is a lead.
+BUT_SOME_AND_A_CONTACT = [name for name in BUT_SOME if name != "contact_drift"]
+
+
+@pytest.fixture(
+    scope="module",
+    params=[BUT_SOME_AND_A_CONTACT, pytest.param([], marks=pytest.mark.long)],
+    ids=("some", "all"),
+)
+def a_lead(request, wire, config):
     """(evidence, tracing) of a session with a lead of 0.03 Ω more."""
     evidence = Evidence(session(wire[0], {"lead_resistance": 0.03}, logs=1), config)
-    return evidence, trace(evidence, jobs=1)
+    return evidence, trace(evidence, without=request.param, jobs=1)
 
 
 def test_of_every_candidate_it_is_said_why_it_was_given_or_not(a_lead):
     _, found = a_lead
     said = {why.names: why for why in whys(found)}
-    assert {n for names in said for n in names} == {*EFFECTS, NOTHING, SOMETHING_ELSE}  # none is left out
+    asked = {name for name in EFFECTS if (name,) in found.hypotheses} | found.untestable.keys()
+    assert {n for names in said for n in names} == {*asked, NOTHING, SOMETHING_ELSE}  # none is left out
     given = [why.names for why in said.values() if why.answer == "given"]
     assert given == [found.fit.names] == [found.probabilities.best]
     for names, why in said.items():
@@ -1019,7 +1028,7 @@ def test_what_looks_like_an_effect_that_makes_the_model_worse_is_nothing(a_lead)
 def test_a_fit_that_begins_at_nothing_finds_what_one_from_the_truth_does(wire, config, hidden, truth):
     """`benchmarks/fits_from_nothing.py` asks it of every effect in every physics with each model."""
     (name,) = hidden
-    evidence = Evidence(session(wire[0], hidden), config)
+    evidence = Evidence(session(wire[0], hidden, logs=1 if name == "channel_delay" else 2), config)
     rows, effect = Rows(evidence), candidate(name, scales_of(evidence))
     plain = float(np.sum(rows.usual.whiten(rows.plain) ** 2))
     gains = []
