@@ -204,7 +204,7 @@ class TestMemory:
         assert [violation.rule for violation in result.violations] == ["memory grows"]
 
 
-@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.long) for seed in (2, 3))])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in (1, 2, 3))])
 def test_virtual_minutes_of_faults_break_no_promise(seed):
     result = hours.Session(seed, seconds=180.0).run()
     assert result.counts["faults"] + result.counts["switched off"] + result.counts["restarts"] >= 3

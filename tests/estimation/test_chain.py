@@ -153,10 +153,10 @@ print(json.dumps(Chain(config).run(signals(resistance_Ohm=float(sys.argv[2]))).d
     ("name", "changes", "resistance_Ohm"),
     (
         ("flexinol", {}, 5.0),
-        ("flexinol_normalised", {}, 5.0),
-        ("furukawa", {"variant": "direct_switching"}, 1.9),
+        pytest.param("flexinol_normalised", {}, 5.0, marks=pytest.mark.long),
+        pytest.param("furukawa", {"variant": "direct_switching"}, 1.9, marks=pytest.mark.long),
         ("furukawa", {"variant": "transition"}, 1.9),
-        ("furukawa_normalised", {}, 1.9),
+        pytest.param("furukawa_normalised", {}, 1.9, marks=pytest.mark.long),
     ),
 )
 def test_numbers_do_not_depend_on_numba(name, changes, resistance_Ohm):

@@ -13,6 +13,9 @@ SCAN_s = 0.05  #: between looks through all processes
 MARK = "SMA_TEST_OF_SPREADING"
 MODEL = Path(__file__).parents[2] / "config/flexinol.yaml"
 
+#: Another way to end it beside those that the quick tests look at.
+LONG = pytest.mark.long
+
 
 def marked(value):
     """The command lines of all processes with this mark in their environment."""
@@ -91,8 +94,8 @@ with spread(2) as do:
     ("program", "number", "code"),
     [
         ("list(do([(time.sleep, (600.0,))] * 4))", signal.SIGKILL, -signal.SIGKILL),
-        ("list(do([(time.sleep, (600.0,))]))", signal.SIGKILL, -signal.SIGKILL),
-        ("list(do([(time.sleep, (600.0,))] * 4))", signal.SIGUSR1, -signal.SIGUSR1),
+        pytest.param("list(do([(time.sleep, (600.0,))]))", signal.SIGKILL, -signal.SIGKILL, marks=LONG),
+        pytest.param("list(do([(time.sleep, (600.0,))] * 4))", signal.SIGUSR1, -signal.SIGUSR1, marks=LONG),
         ("list(do([(time.sleep, (0.0,))] * 4)); time.sleep(600.0)", signal.SIGKILL, -signal.SIGKILL),
         ("list(do([(time.sleep, (0.0,))] * 4)); 1 / 0", None, 1),
     ],

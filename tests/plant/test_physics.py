@@ -161,7 +161,7 @@ def test_the_numbers_are_the_same_compiled_and_not():
         "for name in ('flexinol', 'furukawa'):\n"
         "    b = VirtualBench.from_name(name, seed=3, load=Spring(150.0, 0.6)); s = b.supply\n"
         "    s.set_voltage(6.0); s.set_output(True)\n"
-        "    for i in range(60):\n"
+        "    for i in range(20):\n"
         "        s.set_current(0.05 + 0.3 * (i * 7 % 10) / 10); b.advance(b.time_s + 0.1)\n"
         "    print(*[repr(float(x)) for x in b._state], *[repr(float(x)) for x in b.daq.block(3)[0].ravel()])\n"
     )
