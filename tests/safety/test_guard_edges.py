@@ -420,7 +420,8 @@ def test_current_and_voltage_may_differ_by_the_tolerance(step, config):
         assert memory.since_s == {}
         memory = Memory(**MEMORY)
         said(guard, step(memory=memory, **{**none, name: math.nextafter(tolerance, 1.0)}))
-        assert memory.since_s == dict.fromkeys((guard.name, f"{guard.name}, however late"), NOW_s)
+        assert memory.since_s == {guard.name: NOW_s}
+        assert memory.within == {f"{guard.name}, however late": (0.0, NOW_s, True)}
 
 
 class TestADaqThatIsLate:
@@ -431,11 +432,11 @@ class TestADaqThatIsLate:
         """``driven(guard, currents, behind, period_s)``: until when nothing is said, where the DAQ is readings behind;
         None: ever."""
 
-        def driven(guard, currents, behind, period_s, odd=-1):
+        def driven(guard, currents, behind, period_s, odd=-1, times=1.0):
             memory = Memory(**MEMORY)
             at_rate = replace(config, loop=replace(config.loop, rate=1.0 / period_s))
             for number, current_A in enumerate(currents):
-                shown_A, now_s = currents[max(number - behind, 0)], NOW_s + number * period_s
+                shown_A, now_s = times * currents[max(number - behind, 0)], NOW_s + number * period_s
                 shown_A += 0.1 * (number == odd)
                 signals = {"signals__current_A": shown_A, "reading": replace(READING, supply_voltage_V=6.5 * shown_A)}
                 supply = {"supply__current_A": current_A, "supply__voltage_V": 6.5 * current_A}
@@ -463,6 +464,13 @@ class TestADaqThatIsLate:
     def test_nor_for_one_reading_that_is_odd_besides(self, driven, guard):
         ramp = [0.05 + 0.15 * 0.05 * number for number in range(40)]
         assert driven(guard, ramp, 4, 0.05, odd=30) is None
+
+    @pytest.mark.parametrize("guard", [supply_disagrees, measurements_disagree], ids=lambda guard: guard.name)
+    @pytest.mark.parametrize("swings_s", [0.3, 0.45, 0.6])
+    def test_a_command_that_swings_through_twice_itself_hides_the_double_for_no_longer(self, driven, guard, swings_s):
+        """What it was just before is now twice what it is, again and again."""
+        swings = [0.1 + 0.1 * (math.sin(2.0 * math.pi * number * 0.02 / swings_s) > 0.9) for number in range(400)]
+        assert driven(guard, swings, 0, 0.02, times=2.0) <= 2.0
 
     @pytest.mark.parametrize("guard", [supply_disagrees, measurements_disagree], ids=lambda guard: guard.name)
     @pytest.mark.parametrize("period_s", [0.02, 0.05, 0.1, 0.5])

@@ -124,14 +124,14 @@ def supply_lost(step: Step) -> str:
 
 
 def _disagrees(step: Step, names: tuple[str, str], differs: bool, however_late: bool) -> float | None:
-    """For how long supply and DAQ have differed [s], the latter also however late it may be, by the names of either;
-    None where that has not lasted."""
+    """For how long supply and DAQ have differed [s], in all also however late it may be, by the names of either; None
+    where that has not lasted."""
     memory, (name, however) = step.memory, names
     if not differs:
         memory.over(name, however)
         return None
     lasts_s = memory.lasts_s(name, True, step.now_s)
-    unlike_s = memory.lasts_s(however, however_late, step.now_s)
+    unlike_s = memory.within_s(however, however_late, step.now_s)
     lasts_at_least_s, late_s = step.config.safety.disagreement_time, max(LAG_s, LAG_READINGS / step.config.loop.rate)
     return lasts_s if lasts_s >= lasts_at_least_s and unlike_s >= lasts_at_least_s - late_s else None
 
