@@ -43,12 +43,10 @@ def is_missing(text: str) -> bool:
 def is_number(text: str) -> bool:
     """Whether it is a number, with a decimal point or comma, and marks between thousands."""
     text = text.strip()
-    if _NUMBER.fullmatch(text) and any(c.isdigit() for c in text):
-        return True
     try:
         float(text)
     except ValueError:
-        return False
+        return _NUMBER.fullmatch(text) is not None and any(c.isdigit() for c in text)
     return "_" not in text  # Python's own way to write numbers: 1_0 is ten to nobody else
 
 
