@@ -201,7 +201,10 @@ def test_without_ros_the_node_says_what_the_commands_say(tmp_path):
     [
         ("demo", "rclpy", "needs ROS 2, and Python finds no 'rclpy': source a ROS 2 installation, or pip install"),
         ("status", "rclpy", "needs ROS 2, and Python finds no 'rclpy': source a ROS 2 installation, or pip install"),
-        ("view", "rclpy", "needs ROS 2, and Python finds no 'rclpy': source a ROS 2 installation, or pip install"),
+        pytest.param(
+            *("view", "rclpy", "needs ROS 2, and Python finds no 'rclpy': source a ROS 2 installation, or pip install"),
+            marks=pytest.mark.long,
+        ),
         ("view", "aiohttp", "needs the Python package 'aiohttp' (extra 'view')"),
     ],
 )
