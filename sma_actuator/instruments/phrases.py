@@ -8,10 +8,12 @@ and no.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import re
 import string
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from decimal import Decimal
 from math import copysign, inf, isfinite, nan
 from typing import Any, Self
 
@@ -70,15 +72,31 @@ class Command:
     def lines(self, values: Mapping[str, Any]) -> list[str]:
         """The texts, filled in."""
         if self.scale != 1.0 and "value" in values:
-            value = values["value"]
-            values = {**values, "value": type(value)(value * self.scale)}
+            values = {**values, "value": values["value"] * self.scale}
         return [text.format(**values) for text in self.texts]
 
-    def written(self, value: float) -> float:
-        """What the digits that its texts have leave of a value."""
-        digits = (how for text in self.texts for _, field, how, _ in string.Formatter().parse(text) if field == "value")
-        scaled = type(value)(value * self.scale)
-        return float(format(scaled, next(digits) or "")) / self.scale
+    def at_most(self, value: float) -> float:
+        """The most that the digits of its texts can say and that is no more than a value: the last digit must not lift
+        a current over its limit."""
+        written = value * self.scale
+        for digits in _digits_of_value(self.texts):
+            written = _rounded_down(written, digits)
+        return written / self.scale
+
+
+@functools.cache
+def _digits_of_value(texts: tuple[str, ...]) -> tuple[str, ...]:
+    """How each placeholder of a value is written."""
+    fields = (field for text in texts for field in string.Formatter().parse(text))
+    return tuple(how or "" for _, name, how, _ in fields if name == "value")
+
+
+def _rounded_down(value: float, digits: str) -> float:
+    text = format(value, digits)
+    if float(text) > value:
+        nearest = Decimal(text)
+        text = format(nearest - Decimal(1).scaleb(int(nearest.as_tuple().exponent)), digits)
+    return float(text)
 
 
 @dataclass(frozen=True, slots=True)

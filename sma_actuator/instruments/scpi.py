@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from decimal import Decimal
 from functools import partial
 from math import isfinite, nan
 from typing import Any
@@ -86,17 +85,6 @@ def abilities_of(dialect: Dialect, watched: bool) -> Abilities:
     )
 
 
-class _RoundedDown(float):
-    """A number that is never written as more than it is: the last digit must not lift a current over its limit."""
-
-    def __format__(self, spec: str) -> str:
-        text = float.__format__(self, spec)
-        if float(text) <= self:
-            return text
-        written = Decimal(text)
-        return float.__format__(float(written - Decimal(1).scaleb(int(written.as_tuple().exponent))), spec)
-
-
 class ScpiSupply(SessionSupply):
     """A current-controlled supply; see :class:`sma_actuator.instruments.PowerSupply`."""
 
@@ -121,9 +109,10 @@ class ScpiSupply(SessionSupply):
         return _read_back(self._dialect)
 
     def _tell_current(self, current_A: float) -> None:
-        value = _RoundedDown(max(current_A, self._dialect.zero_current_A))
-        self._tell("set_current", value)
-        self._told_A, self._cut_off_A = current_A, value - self._dialect.commands["set_current"].written(value)
+        value = max(current_A, self._dialect.zero_current_A)
+        written_A = self._dialect.commands["set_current"].at_most(value)
+        self._tell("set_current", written_A)
+        self._told_A, self._cut_off_A = current_A, value - written_A
 
     def _tell_output(self, on: bool) -> None:
         self._tell("output_on" if on else "output_off")

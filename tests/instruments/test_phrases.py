@@ -4,6 +4,8 @@ import math
 
 import pytest
 import yaml
+from hypothesis import given
+from hypothesis import strategies as st
 
 from sma_actuator.instruments.phrases import Command, Query
 
@@ -155,6 +157,39 @@ def test_a_value_is_written_in_the_unit_of_the_instrument(scale, lines):
     command = Command.read("commands.it", entry, {"value"}, "value", problems)
     assert not problems
     assert command.lines({"value": 0.25}) == lines
+
+
+@pytest.mark.parametrize(
+    ("texts", "scale", "value", "written"),
+    [
+        (["A {value:.3f}"], 1.0, 0.2507, 0.25),
+        (["A {value:.3f}"], 1.0, 0.251, 0.251),
+        (["A {value:.0f}"], 1000, 0.2507, 0.25),
+        (["A {value:.0f}", "B {value:.3f}"], 1000, 0.2507, 0.25),
+        (["A {value:.3f}", "B {value:.1f}"], 1.0, 0.2899, 0.2),
+        (["A {value:.3e}"], 1.0, 0.0012349, 0.001234),
+        (["A {value}"], 1.0, 0.123456789, 0.123456789),
+        (["CHAN {channel}", "A {value:.2f}"], 1.0, 0.119, 0.11),
+        (["A {value:.2f}"], 1.0, 0.0, 0.0),
+    ],
+)
+def test_what_its_digits_say_is_no_more_than_a_value(texts, scale, value, written):
+    problems = []
+    command = Command.read("commands.it", {"tell": texts, "scale": scale}, {"value", "channel"}, "value", problems)
+    assert not problems
+    assert command.at_most(value) == pytest.approx(written, rel=1e-12)
+
+
+@given(st.floats(0.0, 100.0), st.integers(0, 6), st.sampled_from([1.0, 1e3, 1e6, 3.0]))
+def test_no_value_is_lifted_by_its_digits(value, digits, scale):
+    problems = []
+    command = Command.read(
+        "commands.it", {"tell": f"A {{value:.{digits}f}}", "scale": scale}, {"value"}, None, problems
+    )
+    written = command.at_most(value)
+    said = float(command.lines({"value": written})[0].removeprefix("A ")) / scale
+    assert said == pytest.approx(written, rel=1e-12)
+    assert value - 1.01 * 10.0**-digits / scale < written <= value * (1.0 + 1e-15)
 
 
 def test_a_scale_is_of_values_alone():
