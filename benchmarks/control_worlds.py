@@ -2,7 +2,7 @@
 
     python benchmarks/control_worlds.py [--physics NAME …] [--drawn 24] [--every N] [--wire flexinol furukawa]
                                         [--model whole_range thesis] [--law pid feed_forward_pid] [--json FILE]
-                                        [--diameter UM] [--warmer K] [--loses TIMES]
+                                        [--diameter UM] [--warmer K] [--loses TIMES] [--sensor K]
                                         [--experiment NAME …]                             (make control-worlds)
 
 ``init``, ``characterise``, ``identify``, ``init``, and a second round with that model (``users_way.py``; ``--model
@@ -11,8 +11,8 @@ heavy weight and a stiff spring, over 85 % of the stroke that the wire truly has
 ``--physics``: the eight that were designed and as many as ``--drawn`` says that nobody chose, by the numbers from
 ``--from`` on; ``--every 4`` takes every fourth of them.  ``--diameter``: wires of that many µm, with instruments and
 loads that suit them; ``--warmer``: driven in a room so many kelvin warmer than the one of the calibration, ``--loses``:
-in a draught, or sheltered.  Everything is kept in ``out`` and used again while nothing has changed that it depends on;
-what is stopped goes on where it was.
+in a draught, or sheltered; ``--sensor``: with a sensor of the room that reads so much too much, or none.  Everything
+is kept in ``out`` and used again while nothing has changed that it depends on; what is stopped goes on where it was.
 
 Errors are mean absolute, % of full stroke.  First table, the output error of each run, held against the thesis's for
 that experiment, those that it has not against the mean of its tables for the alloy; of steps also beyond what is left
@@ -34,6 +34,7 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
+from math import isnan
 from pathlib import Path
 from typing import Any
 
@@ -82,6 +83,9 @@ def _experiments(wire: str) -> tuple[Experiment, ...]:
     return (*theirs, *(Experiment(*each, mean) for each in OURS))
 
 
+#: A driver that does not measure what the room is.
+NO_SENSOR = (("instruments.daq.ambient_temperature_channel", 0),)
+
 EXPERIMENTS = {wire: _experiments(wire) for wire in WIRES}
 
 
@@ -95,11 +99,14 @@ class Wire:
     law: str
     warmer_K: float = 0.0  #: the room than at its calibration
     loses: float = 1.0  #: heat, over what it lost there
+    sensor_K: float = 0.0  #: what its sensor of the room reads too much; NaN: it has none
 
     def case(self, experiment: Experiment) -> Case:
         """One of its runs."""
         load, program = experiment.load, experiment.program
-        around = {"warmer_K": self.warmer_K, "heat_loss": self.loses}
+        around: dict[str, Any] = {"warmer_K": self.warmer_K, "heat_loss": self.loses, "sensor_K": self.sensor_K}
+        if isnan(self.sensor_K):
+            around |= {"sensor_K": 0.0, "changes": NO_SENSOR}
         return Case(self.wire, self.physics, self.model, load, program, self.law, **around)
 
 
@@ -262,7 +269,7 @@ def asked(args: argparse.Namespace) -> list[Wire]:
     drawn = [f"{DRAWN}{number}" for number in range(args.first, args.first + args.drawn)]
     physics = args.physics or [*WORLDS, *drawn][:: args.every]
     return [
-        Wire(name, wire_named(alloy, args.diameter), model, law, args.warmer, args.loses)
+        Wire(name, wire_named(alloy, args.diameter), model, law, args.warmer, args.loses, args.sensor)
         for name in physics
         for alloy in args.wire
         for model in args.model
@@ -290,6 +297,13 @@ def main() -> int:
     )
     parser.add_argument(
         "--loses", type=float, default=1.0, metavar="TIMES", help="drive in air that takes so many times the heat"
+    )
+    parser.add_argument(
+        "--sensor",
+        type=float,
+        default=0.0,
+        metavar="K",
+        help="what that of the room reads too much; nan: no such one",
     )
     named = sorted({experiment.name for each in EXPERIMENTS.values() for experiment in each})
     parser.add_argument("--experiment", nargs="*", choices=named, default=(), metavar="NAME", help="these alone")

@@ -15,7 +15,7 @@ from kept import MODEL, kept
 from trial_laws import TRIALS
 from users_way import bench_of, cycles_done, digest, identified, scaled, stroke_of
 
-from sma_actuator.base.signals import Mode
+from sma_actuator.base.signals import Mode, Reading
 from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock
 from sma_actuator.config import Config
 from sma_actuator.control.setpoints import Setpoint
@@ -77,8 +77,9 @@ class Case:
     wrong: tuple[tuple[str, float], ...] = ()
     #: Noise of the DAQ over that of the bench's, in the run.
     noise: float = 1.0
-    #: How much warmer the room is than at the calibration [K].
+    #: How much warmer the room is than at the calibration [K], and by how much more its sensor reads.
     warmer_K: float = 0.0
+    sensor_K: float = 0.0
 
 
 @dataclass
@@ -140,6 +141,19 @@ def config_of(case: Case) -> Config:
     return config.replace({f"thermal.{name}": times * getattr(config.thermal, name) for name, times in case.wrong})
 
 
+class OtherRoom(InProcessDaq):
+    """A DAQ whose sensor of the surroundings reads that of another room."""
+
+    def __init__(self, bench: VirtualBench, config: Config, sensor_K: float):
+        super().__init__(bench, config)
+        self._sensor_K = sensor_K
+
+    def read_block(self) -> Reading:
+        """A reading of it."""
+        reading = super().read_block()
+        return replace(reading, ambient_temperature_C=reading.ambient_temperature_C + self._sensor_K)
+
+
 def once(case: Case) -> Found:
     """A run, or what it came to the last time."""
     return kept(f"driven {case} {digest(RUN_BY)}", MODEL, lambda: run(case))
@@ -155,7 +169,8 @@ def run(case: Case, keep: bool = False) -> Found:
     rows: list[tuple[float, ...]] = []
     limits_s: dict[str, float] = {}
     fault, hottest_C, period_s = "", -np.inf, 1.0 / config.loop.rate
-    with Driver(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench)) as driver:
+    daq = OtherRoom(bench, config, case.sensor_K)
+    with Driver(config, InProcessSupply(bench, config), daq, VirtualClock(bench)) as driver:
         driver.run_for(REST_s)
         done, words = driver.enable(True)
         if not done:
@@ -247,7 +262,7 @@ def _reached(time_s: np.ndarray, output: np.ndarray, too_short: np.ndarray, at_b
 
 def fastest_once(case: Case) -> float:
     """:func:`fastest`, or what it came to the last time."""
-    same = replace(case, law="", changes=(), wrong=())
+    same = replace(case, law="", changes=(), wrong=(), sensor_K=0.0)
     return kept(
         f"fastest {same} {digest(('users_way', 'driven', 'control_tables', 'derived', 'control'))}",
         MODEL,

@@ -405,12 +405,12 @@ class Chain:
         return Estimates(**self._run(signals, judged=False))
 
     def judge(self, signals: Signals) -> Judged:
-        """The judged view of n samples: the model's alone, whatever the load tells and however the air moves, and what
-        a reference sensor should show."""
+        """The judged view of n samples: the model's alone, whatever the load tells and as if the surroundings were what
+        they are taken for, and what a reference sensor should show."""
         return Judged(**self._run(signals, judged=True))
 
     def _run(self, signals: Signals, judged: bool) -> dict[str, Any]:
-        if (follow := getattr(self._thermal, "follow_draughts", None)) is not None:
+        if (follow := getattr(self._thermal, "follow_surroundings", None)) is not None:
             follow(not judged)
         signals, frame = self._measure(signals)
         last = self._last

@@ -23,12 +23,14 @@ memory of I. D. Mayergoyz, "Mathematical models of hysteresis" (1991).
 
 from __future__ import annotations
 
-from math import hypot, nan, sqrt
+from math import hypot, isnan, nan, sqrt
 
 import numpy as np
 
 from sma_actuator.base.jit import Floats, floats, jit
 from sma_actuator.base.lookup import looked_up
+
+from .surroundings import UNMEASURED_K
 
 #: What is remembered: the martensite's share of the stroke, smooth; how much longer the wire was in the beginning [m],
 #: half of a 95 % interval of that [m], and how sure it is, 0 to 1; of a cold wire how many readings of its resistance
@@ -184,10 +186,12 @@ def tell(
     """One reading of a cold wire, all martensite, whose length nobody knows.
 
     ``usual``: the resistance of a cold wire by its stress (:func:`~sma_actuator.base.lookup.row_of`); ``warmer_K``: how
-    much warmer its surroundings are than when that was measured.
+    much warmer its surroundings are than when that was measured, NaN where nobody knows.
     """
     usual_Ohm = looked_up(usual, 0, stress_Pa)
-    warmth_m = WARMER_WITHIN_1_K * warmer_K * usual_Ohm / known[OHM_PER_m]
+    warmth = WARMER_1_K * UNMEASURED_K if isnan(warmer_K) else WARMER_WITHIN_1_K * warmer_K
+    warmth_m = warmth * usual_Ohm / known[OHM_PER_m]
+    warmer_K = 0.0 if isnan(warmer_K) else warmer_K
     usual_Ohm *= 1.0 + WARMER_1_K * warmer_K
     state[_READINGS] += 1.0
     state[_MORE_Ohm] += (resistance_Ohm - usual_Ohm - state[_MORE_Ohm]) / state[_READINGS]

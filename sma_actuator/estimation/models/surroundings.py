@@ -3,17 +3,19 @@
 What a wire loses is known less well than what it does.  A heat balance has a wire ``k`` times as far above its
 surroundings as it is, where its heat loss is off.  In the room of the calibration that shows nowhere: its temperatures
 are as far off in every log.  In a room that is ΔT warmer the wire needs less power, by what it really loses over ΔT,
-and by the heat balance it transforms (1 - k) ΔT hotter than it did.  Where air moves as it did not, it loses 1/(1 - l)
-times as much, and the heat balance has it too hot by l times its rise.
+and by the heat balance it transforms (1 - k) ΔT hotter than it did.  The air at the wire is some kelvins off what a
+sensor says that hangs elsewhere, and more off what it is taken for where nobody measures it: so is the heat balance.
+Where air moves as it did not, it loses 1/(1 - l) times as much, and the heat balance has it too hot by l times its
+rise.
 
-What tells both is how the wire behaves.  Resistance, load and how far resistance and temperature have come from their
-last turns say which apparent temperature the wire had in the calibration when they were so; none of them knows of an
-offset.  What the heat balance has beyond that is k's and l's, each reading as surely as such a temperature was told in
-logs left out: a Kalman filter of two numbers that hardly change.  Samples are of one reading as long as they are alike:
-a wire that is held for an hour says once what it says there.
+What tells all three is how the wire behaves.  Resistance, load and how far resistance and temperature have come from
+their last turns say which apparent temperature the wire had in the calibration when they were so; none of them knows
+of an offset.  What the heat balance has beyond that is k's, the air's and l's, each reading as surely as such a
+temperature was told in logs left out: a Kalman filter of three numbers that hardly change.  Samples are of one reading
+as long as they are alike: a wire that is held for an hour says once what it says there.
 
-That the air moves otherwise is seldom so and then by much, so that l counts as far as the readings speak for it: the
-mean of two hypotheses by their odds (Kass and Raftery 1995).  k and its doubt are there always.
+That the air moves otherwise is seldom so and then by much, and so it is with a sensor that reads the air of elsewhere:
+each counts as far as the readings speak for it, the mean of hypotheses by their odds (Kass and Raftery 1995).
 """
 
 from __future__ import annotations
@@ -29,6 +31,9 @@ AS_MUCH = (1.0, 0.0)  #: of a model that was taught nothing of it
 WITHIN = 0.15
 #: By how much air that moves otherwise makes a heat loss differ, and in what share of the runs it does.
 DRAUGHT, DRAUGHTY = 0.15, 0.1
+#: So much warmer or colder the air at the wire is than a sensor says, and than at the calibration where there is none,
+#: seasons indoors; and what share of the sensors say as little as none.
+SENSOR_K, UNMEASURED_K, ASTRAY = 2.0, 8.0, 0.1
 #: Errors of an expected temperature are alike for so long, and over such a share of the stroke: a step, a quarter of a
 #: cycle.  A place that moves by less than PLAY is noise.
 ALIKE_s, ALIKE, PLAY = 20.0, 0.4, 0.02
@@ -43,29 +48,36 @@ LASTS = 15.0
 LEAST_K = 1.0
 NO_NEWS = 1e-6  #: standard deviation of what is not learned
 _MOST = 50.0  # of a logarithm of odds
-# What was known: 1/variance of 1 - k, 1 - k times that, 1/variance of l.  What was seen: readings, and their weighted
-# sums of ΔT², ΔT times rise, rise², and of what is beyond times either.  Where the wire is, and what part of a reading
-# its way there still gives.
-_KNOWN, _KNOWN_PULL, _KNOWN_DRAUGHT, _READINGS, _ROOM, _BOTH, _RISE, _ROOM_PULL, _RISE_PULL, _SHARE, _NEWS = range(11)
+#: The numbers of the filter: 1 - k, by how many kelvins the air is colder than it is taken for, and l; and the entries
+#: of a symmetric matrix of theirs, row by row up to the diagonal.
+_ROOM, _AIR, _DRAUGHT = range(3)
+_NUMBERS, _ENTRIES = 3, 6
+# What was known: 1/variance of 1 - k, its value times that, and whether the others are looked for.  What was seen:
+# readings, the sums of what each number makes of a degree times what the others do, and of it times what is beyond, all
+# weighted.  Where the wire is, and what part of a reading its way there still gives.
+_KNOWN, _KNOWN_PULL, _FOLLOWS, _READINGS, _SEEN = range(5)
+_PULL = _SEEN + _ENTRIES
+_SHARE, _NEWS = _PULL + _NUMBERS, _PULL + _NUMBERS + 1
+_SIZE = _NEWS + 1
 
 
 def nothing_seen(counts: Sequence[float]) -> Floats:
-    """The memory of a model that has seen nothing; of no draught, until it is to :func:`follow_draughts`.
+    """The memory of a model that has seen nothing; of no surroundings but those that are measured, until it is to
+    :func:`follow`.
 
     ``counts``: what is known, in the order of the indices above.
     """
-    memory = floats(11)
+    memory = floats(_SIZE)
     within = counts[COUNTS_WITHIN] or NO_NEWS
     memory[_KNOWN] = 1.0 / within**2
     memory[_KNOWN_PULL] = (1.0 - counts[COUNTS]) / within**2
-    follow_draughts(False, memory)
     forget(memory)
     return memory
 
 
-def follow_draughts(follows: bool, memory: Floats) -> None:
-    """Whether a draught is looked for."""
-    memory[_KNOWN_DRAUGHT] = 1.0 / (DRAUGHT if follows else NO_NEWS) ** 2
+def follow(follows: bool, memory: Floats) -> None:
+    """Whether a draught is looked for, and air that is not what it is taken for."""
+    memory[_FOLLOWS] = follows
 
 
 def forget(memory: Floats) -> None:
@@ -77,28 +89,62 @@ def forget(memory: Floats) -> None:
 
 
 @jit
+def _makes(other_K: float, rise_K: float) -> tuple[float, float, float]:
+    """How many degrees one of each number makes."""
+    return 0.0 if isnan(other_K) else other_K, 1.0, rise_K
+
+
+@jit
+def _by_air(
+    air_K: float, makes: tuple[float, float, float], memory: Floats
+) -> tuple[float, float, float, float, float, float]:
+    """Where the air is off by some ``air_K``: by how much the heat balance has the wire too warm in no draught, the
+    variance of that, and how much speaks for it; what a draught adds, its variance, and how much more speaks for one.
+
+    By Cholesky's decomposition of all that is known; what its last row has is the draught's.
+    """
+    worth = WORTH / (WORTH + memory[_READINGS])
+    a = sqrt(memory[_KNOWN] + worth * memory[_SEEN])
+    b = worth * memory[_SEEN + 1] / a
+    c = sqrt(1.0 / air_K**2 + worth * memory[_SEEN + 2] - b * b)
+    d = worth * memory[_SEEN + 3] / a
+    e = (worth * memory[_SEEN + 4] - d * b) / c
+    f = sqrt(1.0 / DRAUGHT**2 + worth * memory[_SEEN + 5] - d * d - e * e)
+    u = makes[_ROOM] / a
+    v = (makes[_AIR] - b * u) / c
+    w = (makes[_DRAUGHT] - d * u - e * v) / f
+    x = (memory[_KNOWN_PULL] + worth * memory[_PULL + _ROOM]) / a
+    y = (worth * memory[_PULL + _AIR] - b * x) / c
+    z = (worth * memory[_PULL + _DRAUGHT] - d * x - e * y) / f
+    speaks = 0.5 * y * y - log(air_K * c)
+    return u * x + v * y, u * u + v * v, speaks, w * z, w * w, 0.5 * z * z - log(DRAUGHT * f)
+
+
+@jit
 def off_K(other_K: float, rise_K: float, memory: Floats) -> tuple[float, float]:
     """By how much the heat balance has a wire too warm that is by it ``rise_K`` above surroundings which are
-    ``other_K`` warmer than usual, and how far off that may be, one standard deviation."""
-    worth = WORTH / (WORTH + memory[_READINGS])
-    room = memory[_KNOWN] + worth * memory[_ROOM]
-    both = worth * memory[_BOTH]
-    rise = memory[_KNOWN_DRAUGHT] + worth * memory[_RISE]
-    room_pull = memory[_KNOWN_PULL] + worth * memory[_ROOM_PULL]
-    rise_pull = worth * memory[_RISE_PULL]
-    still = room_pull / room  # 1 - k where there is no draught
-    still_K, still_within_K = still * other_K, abs(other_K) / sqrt(room)
-    determinant = room * rise - both * both
-    k_off = (rise * room_pull - both * rise_pull) / determinant
-    draught = (room * rise_pull - both * room_pull) / determinant
-    draught_K = k_off * other_K + draught * rise_K
-    variance_K2 = (rise * other_K**2 - 2.0 * both * other_K * rise_K + room * rise_K**2) / determinant
-    odds = 0.5 * (k_off * room_pull + draught * rise_pull - still * room_pull)
-    odds -= 0.5 * log(determinant / (room * memory[_KNOWN_DRAUGHT]))
-    chance = 1.0 / (1.0 + (1.0 - DRAUGHTY) / DRAUGHTY * exp(-min(max(odds, -_MOST), _MOST)))
-    off = still_K + chance * (draught_K - still_K)
-    within_K = still_within_K + chance * (sqrt(max(variance_K2, 0.0)) - still_within_K)
-    return off, within_K + sqrt(chance * (1.0 - chance)) * abs(draught_K - still_K)
+    ``other_K`` warmer than usual, NaN where nobody measures them, and how far off that may be, one standard deviation:
+    the mean of the hypotheses, by what speaks for each."""
+    makes = _makes(other_K, rise_K)
+    if not memory[_FOLLOWS]:
+        worth = WORTH / (WORTH + memory[_READINGS])
+        room = memory[_KNOWN] + worth * memory[_SEEN]
+        pull = memory[_KNOWN_PULL] + worth * memory[_PULL + _ROOM]
+        return makes[_ROOM] * pull / room, abs(makes[_ROOM]) / sqrt(room)
+    astray = 1.0 if isnan(other_K) else ASTRAY
+    odds = mean_K = square_K2 = first = 0.0
+    for air_K, share in ((UNMEASURED_K, astray), (SENSOR_K, 1.0 - astray)):
+        still_K, still_K2, speaks, draught_K, draught_K2, more = _by_air(air_K, makes, memory)
+        if odds == 0.0:
+            first = speaks
+        still = share * (1.0 - DRAUGHTY) * exp(min(max(speaks - first, -_MOST), _MOST))
+        windy = share * DRAUGHTY * exp(min(max(speaks + more - first, -_MOST), _MOST))
+        there_K = still_K + draught_K
+        odds += still + windy
+        mean_K += still * still_K + windy * there_K
+        square_K2 += still * (still_K**2 + still_K2) + windy * (there_K**2 + still_K2 + draught_K2)
+    mean_K /= odds
+    return mean_K, sqrt(max(square_K2 / odds - mean_K**2, 0.0))
 
 
 @jit
@@ -129,8 +175,9 @@ def tell(
     weight = reading / within_K**2
     stays = 1.0 - reading / LASTS
     memory[_READINGS] = stays * memory[_READINGS] + reading
-    memory[_ROOM] = stays * memory[_ROOM] + weight * other_K**2
-    memory[_BOTH] = stays * memory[_BOTH] + weight * other_K * rise_K
-    memory[_RISE] = stays * memory[_RISE] + weight * rise_K**2
-    memory[_ROOM_PULL] = stays * memory[_ROOM_PULL] + weight * other_K * beyond_K
-    memory[_RISE_PULL] = stays * memory[_RISE_PULL] + weight * rise_K * beyond_K
+    makes, entry = _makes(other_K, rise_K), _SEEN
+    for i in range(_NUMBERS):
+        memory[_PULL + i] = stays * memory[_PULL + i] + weight * makes[i] * beyond_K
+        for j in range(i + 1):
+            memory[entry] = stays * memory[entry] + weight * makes[i] * makes[j]
+            entry += 1

@@ -33,7 +33,6 @@ class WholeRangeModel:
         self.stress_range_Pa = tuple(c.stress_range)
         self.displacement_range_m = tuple(c.displacement_range)
         self.stroke_m = tuple(c.stroke)
-        self._ambient_C = c.ambient_temperature
         n = len(c.feature_centre)
         whitening = np.zeros((n, n))
         whitening[np.tril_indices(n)] = c.novelty
@@ -66,8 +65,9 @@ class WholeRangeModel:
         self._state = np.zeros(PLAYS_AT + n - DIRECT)
         self._oriented = orientation.nothing_known()
         self._around = surroundings.nothing_seen(c.room_counts)
+        self._ambient_C = nan  #: as it was measured last
         self._taught = bool(c.expected_bias)
-        self.follow_draughts(True)
+        self.follow_surroundings(True)
         self._usual = row_of((c.cold_wire_stress, c.cold_wire_resistance))
         self.follows_loads = bool(c.cold_wire and c.other_loads)
         self._out = np.zeros(OUT)
@@ -81,9 +81,10 @@ class WholeRangeModel:
         orientation.forget(self._oriented)
         surroundings.forget(self._around)
 
-    def follow_draughts(self, follows: bool) -> None:
-        """Whether it learns, while it runs, that the wire loses more or less than in the calibration."""
-        surroundings.follow_draughts(follows and self._taught, self._around)
+    def follow_surroundings(self, follows: bool) -> None:
+        """Whether it learns, while it runs, that the wire loses more or less than in the calibration, and that
+        the air is not what it is taken for."""
+        surroundings.follow(follows and self._taught, self._around)
 
     @property
     def loses(self) -> float:
@@ -91,8 +92,9 @@ class WholeRangeModel:
         where nothing could."""
         if not self._taught:
             return nan
-        off, _ = surroundings.off_K(0.0, 1.0, self._around)
-        return 1.0 / (1.0 - min(off, 0.9))
+        other_K = 0.0 if isfinite(self._ambient_C) else nan
+        without_K, with_K = (surroundings.off_K(other_K, rise_K, self._around)[0] for rise_K in (0.0, 1.0))
+        return 1.0 / (1.0 - min(with_K - without_K, 0.9))
 
     def doubt(self, displacement_m: np.ndarray) -> np.ndarray:
         """How wide the interval of an estimate is at a place, on the branch where it is wider, over the learners'
@@ -106,8 +108,7 @@ class WholeRangeModel:
     ) -> tuple[float, float, bool]:
         """Advance by one sample: δ [m], half of its 95 % interval [m], and whether the calibration has seen the
         like."""
-        ambient_C = ambient_C if isfinite(ambient_C) else self._ambient_C
-        out = self._out
+        out, self._ambient_C = self._out, ambient_C
         advance(
             time=time_s,
             power=power_W,
@@ -136,7 +137,6 @@ class WholeRangeModel:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The same of n samples, arrays of shape (n,), by the same kernel."""
         out = np.zeros((len(time_s), OUT))
-        ambient_C = np.where(np.isfinite(ambient_C), ambient_C, self._ambient_C)
         advance_all(
             time=time_s,
             power=power_W,
@@ -152,7 +152,7 @@ class WholeRangeModel:
             out=out,
         )
         if len(out):
-            self.longer_m = float(out[-1, 3])
+            self.longer_m, self._ambient_C = float(out[-1, 3]), float(ambient_C[-1])
         return out[:, 0].copy(), out[:, 1].copy(), out[:, 2] > _STILL_SEEN
 
 

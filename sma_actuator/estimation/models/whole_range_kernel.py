@@ -10,7 +10,7 @@ Everything is one kernel for one sample; a log is a loop over it.
 
 from __future__ import annotations
 
-from math import exp, hypot, sqrt, tanh
+from math import exp, hypot, isnan, sqrt, tanh
 from typing import NamedTuple
 
 import numpy as np
@@ -188,7 +188,7 @@ def _estimate(heating: bool, unsure_K: float, n: Numbers, out: np.ndarray) -> No
 def _of_other_loads(
     resistance: float,
     stress: float,
-    ambient: float,
+    other_K: float,
     rests_cold: bool,
     first: bool,
     oriented: Floats,
@@ -197,7 +197,7 @@ def _of_other_loads(
 ) -> float:
     """What of the resistance is of martensite that formed under another load [Ω], which a cold wire at rest tells."""
     if rests_cold and (first or orientation.told(oriented)):
-        orientation.tell(resistance, stress, ambient - n.ambient, usual, n.ends, n.martensite, oriented)
+        orientation.tell(resistance, stress, other_K, usual, n.ends, n.martensite, oriented)
     if first and not orientation.told(oriented):
         return 0.0
     return n.martensite[orientation.OHM_PER_m] * orientation.longer_m(stress, n.ends, n.martensite, oriented)
@@ -256,9 +256,12 @@ def advance(
     """One sample: δ [m], half of its 95 % interval [m], the share of the residual, and how much longer the wire is than
     if all of it had formed under its load [m], into the first of ``out`` (OUT,).
 
-    ``oriented``: the memory of :mod:`.orientation`; ``usual``: a cold wire's resistance by its stress; ``around``: the
-    memory of :mod:`.surroundings`.
+    ``ambient``: NaN where nobody measures it; ``oriented``: the memory of :mod:`.orientation`; ``usual``: a cold wire's
+    resistance by its stress; ``around``: the memory of :mod:`.surroundings`.
     """
+    other_K = ambient - n.ambient
+    if isnan(ambient):
+        ambient = n.ambient
     first = state[TIME_AT] != state[TIME_AT]  # NaN
     rested = state[RESTED_AT] if state[RESTED_AT] == state[RESTED_AT] else power
     remembers = n.martensite[orientation.OHM_PER_m] > 0.0
@@ -266,10 +269,9 @@ def advance(
         rise = heat_rise(rested, n.thermal) if first else temperature_of(n.thermal, state) - ambient
         warms = heat_rise(power, n.thermal) - rise  # more than at rest: then its resistance is its heat's too
         rests_cold = rise < orientation.COLD_K and abs(warms) < orientation.RESTS_K
-        resistance -= _of_other_loads(resistance, stress, ambient, rests_cold, first, oriented, usual, n)
+        resistance -= _of_other_loads(resistance, stress, other_K, rests_cold, first, oriented, usual, n)
     resistance = at_usual_load_now(resistance, stress, n.resistances)
     step = 0.0 if first else max(time - state[TIME_AT], 0.0)
-    other_K = ambient - n.ambient
     rise_K = off_K = 0.0
     share = 1.0
     # At rest, in the place that agrees with the temperature that is made of it; once in the text, as it is compiled

@@ -1,6 +1,6 @@
 """Martensite is as long as the load made it under which it formed."""
 
-from math import hypot, sqrt
+from math import hypot, nan, sqrt
 
 import numpy as np
 import pytest
@@ -25,6 +25,7 @@ from sma_actuator.estimation.models.orientation import (
     told,
     unsure_m,
 )
+from sma_actuator.estimation.models.surroundings import UNMEASURED_K
 
 #: Contracted it is 0.2 mm long whatever its load; cold it is 1 mm and 2 mm per 100 MPa longer.
 ENDS = np.array([[2e-4, 0.0, 0.0], [1.2e-3, 2e-11, 0.0]])
@@ -160,6 +161,12 @@ class TestTheColdWireAsAStrainGauge:
         half_m, _ = unsure_m(LIGHT_Pa, ENDS, known, state)
         assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(0.0, abs=1e-9)
         assert half_m == 0.0  # it was seen to follow its load at once
+
+    @pytest.mark.parametrize("off", [-1.0, 1.0])
+    def test_a_room_that_nobody_measures_is_no_other_length(self, off):
+        state, known = nothing_known(), wire(stays=0.0)
+        tell(5.1 * (1.0 + off * WARMER_1_K * UNMEASURED_K), LIGHT_Pa, nan, USUAL, ENDS, known, state)
+        assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(0.0, abs=1e-9)
 
     @pytest.mark.parametrize("warmer_K", [-10.0, 10.0])
     def test_how_sure_its_length_is_knows_of_the_room(self, warmer_K):

@@ -1,5 +1,7 @@
 """Another room and a draught: least squares of what has been seen, weighed with what was known."""
 
+from math import nan
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,14 +9,17 @@ from hypothesis import strategies as st
 
 from sma_actuator.estimation.models.surroundings import (
     ALIKE,
+    ASTRAY,
     DRAUGHT,
     DRAUGHTY,
     LASTS,
     PLAY,
+    SENSOR_K,
+    UNMEASURED_K,
     WITHIN,
     WORTH,
     ALIKE_s,
-    follow_draughts,
+    follow,
     forget,
     nothing_seen,
     off_K,
@@ -28,7 +33,7 @@ STEP_s, WITHIN_K = 0.05, 2.0
 def told(beyond_K, other_K=0.0, rise_K=40.0, shares=None, draughts=False):
     """A memory of samples that were so far beyond what was expected, of a wire that goes to and fro over its stroke."""
     memory = nothing_seen(KNOWN)
-    follow_draughts(draughts, memory)
+    follow(draughts, memory)
     turns = np.arange(len(beyond_K)) * STEP_s / ALIKE_s
     to_and_fro = 0.5 - 0.5 * np.cos(2.0 * np.pi * turns)
     for each_K, share in zip(beyond_K, to_and_fro if shares is None else shares, strict=True):
@@ -70,17 +75,38 @@ def test_a_draught_is_found(loses):
     assert abs(truly_K - off) < 0.35 * abs(truly_K) and abs(truly_K - off) < 2.0 * unsure
 
 
+@pytest.mark.parametrize("colder_K", [-10.0, 8.0])
+def test_a_room_that_nobody_measures_is_found(colder_K):
+    off, unsure = off_K(nan, 40.0, told(colder_K * minutes(1.0), nan, draughts=True))
+    assert abs(colder_K - off) < 0.25 * abs(colder_K) and abs(colder_K - off) < 2.0 * unsure
+
+
+def test_a_sensor_that_reads_the_room_of_another_day_is_found_out():
+    """It takes longer than where there is none."""
+    off, unsure = off_K(0.0, 40.0, told(-10.0 * minutes(3.0), 0.0, draughts=True))
+    assert abs(-10.0 - off) < 4.0 and abs(-10.0 - off) < 2.0 * unsure
+
+
+def test_before_the_wire_has_moved_the_air_is_as_unsure_as_it_is_measured():
+    memory = nothing_seen((1.0, WITHIN))
+    follow(True, memory)
+    square_K2 = (1.0 - ASTRAY) * SENSOR_K**2 + ASTRAY * UNMEASURED_K**2
+    assert off_K(0.0, 0.0, memory) == (0.0, pytest.approx(square_K2**0.5))
+    assert off_K(nan, 0.0, memory) == (0.0, pytest.approx(UNMEASURED_K))
+
+
 def test_what_is_expected_is_off_by_is_no_draught():
-    """A third of a standard deviation throughout, as it is in the surroundings of the calibration."""
-    off, _ = off_K(0.0, 40.0, told(WITHIN_K / 3.0 * minutes(10.0), draughts=True))
-    assert abs(off) < 0.1 * WITHIN_K
+    """A third of a standard deviation throughout, as it is in the surroundings of the calibration, is the sensor's."""
+    memory = told(WITHIN_K / 3.0 * minutes(10.0), draughts=True)
+    off, by_sensor = off_K(0.0, 40.0, memory)[0], off_K(0.0, 0.0, memory)[0]
+    assert abs(off - by_sensor) < 0.1 * WITHIN_K and by_sensor < WITHIN_K / 3.0
 
 
 def test_at_first_a_draught_is_as_unlikely_as_it_is_seldom():
     memory = nothing_seen(KNOWN)
-    follow_draughts(True, memory)
-    off, unsure = off_K(0.0, 40.0, memory)
-    assert off == 0.0 and unsure == pytest.approx(DRAUGHTY * DRAUGHT * 40.0)
+    follow(True, memory)
+    off, unsure = off_K(nan, 40.0, memory)
+    assert off == 0.0 and unsure == pytest.approx((UNMEASURED_K**2 + DRAUGHTY * (DRAUGHT * 40.0) ** 2) ** 0.5)
 
 
 def test_a_fan_that_is_switched_on_is_noticed_within_minutes():
@@ -109,7 +135,7 @@ def test_a_model_that_was_taught_nothing_of_it_takes_kelvins_as_they_are():
 
 @given(
     st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=50),
-    st.floats(-60.0, 60.0),
+    st.one_of(st.floats(-60.0, 60.0), st.just(nan)),
     st.floats(0.05, 50.0),
     st.floats(0.0, 1e4),
     st.floats(-20.0, 300.0),
@@ -117,7 +143,7 @@ def test_a_model_that_was_taught_nothing_of_it_takes_kelvins_as_they_are():
 )
 def test_whatever_is_seen_it_stays_finite(beyond_K, other_K, within_K, step_s, rise_K, share):
     memory = nothing_seen(KNOWN)
-    follow_draughts(True, memory)
+    follow(True, memory)
     for number, each_K in enumerate(beyond_K):
         off, _ = off_K(other_K, rise_K, memory)
         tell(each_K, within_K, off, other_K, rise_K, step_s, share * (number % 2), memory)
