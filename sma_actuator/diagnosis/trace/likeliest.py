@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -226,14 +226,22 @@ def likeliest(
         if search.cost(found.rows, found.u) - cost < ENOUGH[1]:
             break
         found = search.across(_End(cost, further, at, end.time))
-    return found
+    return replace(found, when=_when(search, found))
 
 
 def _scan(search: _Search, candidate: Candidate, u: np.ndarray) -> list[float]:
     """When something that happens once does best beside all that else is free, and some other times that do nearly as
-    well.
+    well.  Returns seconds since the session began."""
+    times_s, gain = _over_time(search, candidate, u)
+    best = np.argsort(-gain)
+    return _apart((float(times_s[i]) for i in best), TIMES_APART * search.problem.evidence.logs.duration_s)
 
-    Its size is linear in the rows, so every time is tried on one residual.  Returns seconds since the session began.
+
+def _over_time(search: _Search, candidate: Candidate, u: np.ndarray, *more_s: float) -> tuple[np.ndarray, np.ndarray]:
+    """At many times, and ``more_s``, what something that happens once takes off the squares if it did then [s since the
+    session began, 1].
+
+    Its size is linear in the rows, so every time is tried on one residual.
     """
     problem, evidence = search.problem, search.problem.evidence
     problem.scanned[candidate.name] = {candidate.scanned: 0.0}
@@ -250,12 +258,24 @@ def _scan(search: _Search, candidate: Candidate, u: np.ndarray) -> list[float]:
     number = np.maximum(np.bincount(of_sample, minlength=evidence.units), 1)
     when_s = np.append(elapsed_s, (np.bincount(of_sample, elapsed_s, minlength=evidence.units) / number)[of_other])
     # Within the first or last 3 % it is an offset, or nothing.
-    times_s = np.quantile(elapsed_s, np.linspace(TIMES_APART, 1.0 - TIMES_APART, TRIED))
+    times_s = np.append(np.quantile(elapsed_s, np.linspace(TIMES_APART, 1.0 - TIMES_APART, TRIED)), more_s)
     moved = (there - here)[:, None] / PROBE * (when_s[:, None] >= times_s)
     slopes = problem.jacobian(nothing, at)[:, others]
-    gain = search.gains(at, slopes, moved, u, others)
-    best = np.argsort(-gain)
-    return _apart((float(times_s[i]) for i in best), TIMES_APART * evidence.logs.duration_s)
+    return times_s, search.gains(at, slopes, moved, u, others)
+
+
+def _when(search: _Search, found: Likeliest) -> float:
+    """Logarithm of the share of all times that are as likely as those at which what happens once did: it may have at
+    any, and pays for that as for every other parameter."""
+    problem, out = search.problem, 0.0
+    for c in problem.candidates:
+        if c.scanned:
+            when = problem.scanned[c.name]
+            _, gain = _over_time(search, c, found.u, when[c.scanned])
+            problem.scanned[c.name] = when
+            likely = np.exp(np.minimum(0.5 * (gain - gain[-1]), 0.0))
+            out += math.log(float(np.mean(likely)))
+    return out
 
 
 def _apart(times_s: Iterable[float], least_s: float) -> list[float]:

@@ -141,6 +141,8 @@ class Likeliest:
     sides: tuple[np.ndarray, np.ndarray]
     #: Along each, how much more curved the likelihood is than the slopes say, as a root.
     curved: np.ndarray
+    #: Logarithm of the share of all times that are as likely as those of what happens once.
+    when: float = 0.0
 
     @property
     def slopes(self) -> np.ndarray:
@@ -197,7 +199,7 @@ class Likeliest:
         step, higher = self._step(uphill, curvature)
         volume = float(np.linalg.slogdet(axes)[1]) - 0.5 * float(np.linalg.slogdet(curvature)[1])
         possible = p.possible(self.u + self.axes @ step, self.axes @ np.linalg.solve(curvature, self.axes.T))
-        return covariance.log_likelihood(float(here)) - 0.5 * float(off @ off) + higher + volume + possible
+        return covariance.log_likelihood(float(here)) - 0.5 * float(off @ off) + higher + volume + possible + self.when
 
     def _step(self, uphill: np.ndarray, curvature: np.ndarray) -> tuple[np.ndarray, float]:
         """Along the axes, where the top of a normal distribution is that goes on as the likelihood does where it was

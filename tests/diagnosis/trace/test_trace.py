@@ -22,7 +22,7 @@ from sma_actuator.diagnosis.trace.evidence import Comparison
 from sma_actuator.diagnosis.trace.experiments import best_experiment
 from sma_actuator.diagnosis.trace.fitting import fit, fit_of
 from sma_actuator.diagnosis.trace.floor import where_it_was
-from sma_actuator.diagnosis.trace.likeliest import likeliest
+from sma_actuator.diagnosis.trace.likeliest import TRIED, likeliest
 from sma_actuator.diagnosis.trace.limits import LIMITS
 from sma_actuator.diagnosis.trace.pairs import PROMISING, pairs, promising
 from sma_actuator.diagnosis.trace.prediction import Where, smooth
@@ -320,6 +320,20 @@ def test_the_power_to_transform_tells_it_from_surroundings_of_another_temperatur
 def test_a_slip_is_no_drift_however_much_a_drift_mends(wire, config):
     _, wrong = beside(Evidence(session(wire[0], {"slip": 4e-4}), config), "slip", "reference_drift")
     assert wrong.nats < -3.0
+
+
+def test_a_slip_pays_for_the_time_that_was_looked_for(wire, config):
+    """It may have happened at any: the sharper its time is, the less likely it was to be just that."""
+
+    def fitted(hidden):
+        evidence = Evidence(session(wire[0], hidden, logs=1), config)
+        rows = Rows(evidence)
+        return likeliest(evidence, [candidate("slip", scales_of(evidence))], rows.usual), rows.usual
+
+    (there, usual), (none, _) = fitted({"slip": 4e-4}), fitted({})
+    assert -math.log(TRIED + 1) <= there.when < -3.0 < -2.0 < none.when <= 0.0
+    unpaid = dataclasses.replace(there, when=0.0).log_evidence(usual)
+    assert there.log_evidence(usual) == pytest.approx(unpaid + there.when)
 
 
 @pytest.mark.parametrize(
