@@ -17,7 +17,7 @@ def lacking(
     """Each set of effects that was tried, with its probability before the logs, and what all were held against."""
     rows = Rows(evidence)
     found = [(LIMITS.nothing, rows.nothing())]
-    for number in range(1, LIMITS.missing + 1):
+    for number in range(1, LIMITS.names + 1):
         before, best = max(found, key=lambda one: math.log(one[0]) + one[1].log_evidence)
         if len(best.names) + (best.found is not None) < number:
             break

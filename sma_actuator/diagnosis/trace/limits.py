@@ -9,6 +9,8 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 
+import numpy as np
+
 from sma_actuator.base.parameters import declaration_of, parameter
 
 
@@ -22,7 +24,8 @@ class Limits:
     )
     largest: float = parameter(
         30.0,
-        "deviation of a row that counts at all: a sensor that is cut off says no more than one that is far off",
+        "deviation that counts at all: a sensor that is cut off says no more than one that is far off; something else "
+        "has smooth errors, readings or a witness so many times as far off at the most, at any scale, each as likely",
         "σ",
         0.0,
     )
@@ -60,23 +63,12 @@ class Limits:
 
     # What is known before the logs?
     size: float = parameter(3.0, "standard deviation of an effect's size", "typical sizes", 0.0)
-    forms: tuple[float, ...] = parameter(
-        (0.0, 0.05, 0.1),
-        "how far off the form of an effect may be, smoothly over any one thing that errors may go with, each as likely",
+    form: float = parameter(
+        0.1,
+        "how far off the form of an effect may be, smoothly over any one thing that errors may go with; something else "
+        "that only looks like it is further off, up to all of that, at any scale, each as likely",
         "of what it moves",
         0.0,
-    )
-    nearly: tuple[float, ...] = parameter(
-        (0.2, 0.5, 1.0), "the same of something else that only looks like it", "of what it moves", 0.0
-    )
-    larger: tuple[float, ...] = parameter(
-        (3.0, 10.0, 30.0), "how large the smooth errors of something else may be, each as likely", "σ", 0.0
-    )
-    louder: tuple[float, ...] = parameter(
-        (2.0, 4.0, 8.0),
-        "how many times as far off as usual readings may be that go with nothing, or all that one other witness shows, "
-        "each as likely",
-        "times",
         1.0,
     )
     nothing: float = parameter(
@@ -96,10 +88,29 @@ class Limits:
         0.2,
     )
     enough: float = parameter(0.9, "probability that a set of names must have to be given", "1", 0.0, 1.0)
-    names: int = parameter(3, "names that a set may have at the most: a longer list says nothing", "1", 1)
-    missing: int = parameter(
-        3, "effects that a model may lack from its beginning at the most: many together imitate anything", "1", 1
+    names: int = parameter(
+        3, "effects that are named together at the most: more say nothing, and many together imitate anything", "1", 1
     )
+
+    @property
+    def forms(self) -> tuple[float, ...]:
+        """Shares of what it moves by which the form of an effect may be off."""
+        return 0.0, 0.5 * self.form, self.form
+
+    @property
+    def nearly(self) -> tuple[float, ...]:
+        """The same of what only looks like it."""
+        return _scales(self.form, 1.0)
+
+    @property
+    def larger(self) -> tuple[float, ...]:
+        """How many times as far off as usual something else may be."""
+        return _scales(1.0, self.largest)
+
+
+def _scales(first: float, last: float) -> tuple[float, ...]:
+    """Three scales beyond the first, up to the last, each as far from the one before."""
+    return tuple(float(scale) for scale in np.geomspace(first, last, 4)[1:])
 
 
 LIMITS = Limits()
@@ -120,9 +131,7 @@ def markdown() -> str:
     for field in dataclasses.fields(Limits):
         declared = declaration_of(field)
         unit = "" if declared.unit == "1" else declared.unit
-        values = field.default if isinstance(field.default, tuple) else (field.default,)
-        shown = ", ".join(f"{value:g}" for value in values)
-        out.append(f"| `{field.name}` | {shown} | {unit} | {declared.description} |")
+        out.append(f"| `{field.name}` | {field.default:g} | {unit} | {declared.description} |")
     return "\n".join(out) + "\n"
 
 

@@ -106,7 +106,7 @@ class Rows:
             raise ValueError("without smooth errors there is nothing that something else could be")
         counts = self.smooth.weight**2
         louder = {
-            name: [self._covariance(alone=(np.where(rows, times, 1.0), counts)) for times in LIMITS.louder]
+            name: [self._covariance(alone=(np.where(rows, times, 1.0), counts)) for times in LIMITS.larger]
             for name, rows in self.evidence.rows_by_witness().items()
         }
         for what, columns in self.smooth.new.items():
