@@ -18,6 +18,7 @@ import numpy as np
 
 from sma_actuator.base.calibration import Calibration
 from sma_actuator.base.remembered import Remembered
+from sma_actuator.calibration.expectation import correlation_time_s
 from sma_actuator.config import Config
 from sma_actuator.estimation.chain import Chain, place_of
 from sma_actuator.estimation.effects import Effect, Effects
@@ -50,7 +51,11 @@ class Evidence:
         self.place = place_of(config)
         self.full_stroke_m = config.wire.full_stroke_m
         self._followed = Remembered()
-        prepared = Prepared(logs, self.config, lambda: self.chain({}), self._independent_s)
+        known_s = self.calibration.expectation.independent_time
+        known = math.isfinite(known_s)
+        prepared = Prepared(logs, self.config, lambda: self.chain({}), known_s if known else 0.0)
+        #: How far apart two samples are whose errors are independent; where the calibration does not say, the logs do.
+        self._independent_s = known_s if known else self._remembered_s(prepared)
         self._witnessed_by(prepared)
         error = float(np.mean(self.compare({}).errors_percent))
         if error > HOPELESS_percent:
@@ -102,17 +107,17 @@ class Evidence:
         """The witnesses beside the displacement, in the order of their rows."""
         return self.of_rests, self.of_springs, self.of_power
 
-    @property
-    def _independent_s(self) -> float:
-        """How far apart two samples are whose errors are independent, as the calibration has it; 0 where it is not
-        known."""
-        known = self.calibration.expectation.independent_time
-        return known if math.isfinite(known) else 0.0
+    def _remembered_s(self, logs: Prepared) -> float:
+        """How long the errors of the model as it is remember themselves in some logs."""
+        followed = zip(logs.followed_by(self.chain({})), logs.seen, logs.measured_m, strict=True)
+        error_m = np.concatenate([measured_m - found.shown_m[kept] for found, (_, kept), measured_m in followed])
+        time_s = np.concatenate([t.signals.time_s for t in logs.experiments])
+        log = np.repeat(np.arange(len(logs.measured_m)), [len(m) for m in logs.measured_m])
+        good = np.isfinite(error_m)
+        return correlation_time_s(time_s[good], error_m[good], log[good])
 
     def independent_in(self, lasts_s: np.ndarray | float) -> np.ndarray:
         """How many samples say something new within stretches that last so long, at least one."""
-        if not self._independent_s > 0.0:
-            return np.full(np.shape(lasts_s), LIMITS.independent)
         return np.maximum(lasts_s / self._independent_s, 1.0)
 
     @property

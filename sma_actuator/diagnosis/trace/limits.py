@@ -35,23 +35,10 @@ class Limits:
     heat_balance: float = parameter(
         0.05, "how well the heat balance of another log is known, whatever its calibration repeated", "of the rise", 0.0
     )
-    other_speed: float = parameter(
-        1.0,
-        "the same, per share of the stroke that a passage is more or less ahead of its lag than the calibration's: "
-        "latent heat and heat capacity were learned at one speed",
-        "of the rise",
-        0.0,
-    )
 
     # How far off are they together?
     smooth: float = parameter(
         0.5, "standard deviation of each smooth error that a model makes on any session, over the floor", "σ", 0.0
-    )
-    independent: float = parameter(
-        8.0,
-        "samples of one unit that say something new, where the calibration does not say how long errors last",
-        "1",
-        1.0,
     )
     readings: float = parameter(
         40.0,

@@ -69,4 +69,5 @@ class Power(Witness):
         rise_K = np.mean([*curves.transformation_heating, *curves.transformation_cooling])
         rise_K -= self._thermal.ambient_temperature
         known_K = math.hypot(curves.transformation_scatter, LIMITS.heat_balance * rise_K)
-        return off_K / np.hypot(known_K, LIMITS.other_speed * rise_K * (ahead - usual))
+        # What rests on the latent heat is as unknown as that at another speed than the one at which it was learned.
+        return off_K / np.hypot(known_K, curves.latent_rise * (ahead - usual))
