@@ -704,7 +704,7 @@ def test_in_the_browser_a_file_that_is_no_log_is_answered_in_sight(browser):
 
 
 def test_in_the_browser_a_log_that_is_dropped_is_drawn(browser, log):
-    text = log.read_text()
+    text = log[0].read_text()
     browser.value(
         f"(() => {{ const d = new DataTransfer(); d.items.add(new File([{text!r}], 'pulses.csv')); "
         "document.querySelector('#drop').dispatchEvent(new DragEvent('drop', {dataTransfer: d, bubbles: true})); })()"
