@@ -189,9 +189,10 @@ def tell(
     much warmer its surroundings are than when that was measured, NaN where nobody knows.
     """
     usual_Ohm = looked_up(usual, 0, stress_Pa)
-    warmth = WARMER_1_K * UNMEASURED_K if isnan(warmer_K) else WARMER_WITHIN_1_K * warmer_K
+    warmth = WARMER_WITHIN_1_K * warmer_K
+    if isnan(warmer_K):
+        warmer_K, warmth = 0.0, WARMER_1_K * UNMEASURED_K
     warmth_m = warmth * usual_Ohm / known[OHM_PER_m]
-    warmer_K = 0.0 if isnan(warmer_K) else warmer_K
     usual_Ohm *= 1.0 + WARMER_1_K * warmer_K
     state[_READINGS] += 1.0
     state[_MORE_Ohm] += (resistance_Ohm - usual_Ohm - state[_MORE_Ohm]) / state[_READINGS]

@@ -127,10 +127,8 @@ def off_K(other_K: float, rise_K: float, memory: Floats) -> tuple[float, float]:
     the mean of the hypotheses, by what speaks for each."""
     makes = _makes(other_K, rise_K)
     if not memory[_FOLLOWS]:
-        worth = WORTH / (WORTH + memory[_READINGS])
-        room = memory[_KNOWN] + worth * memory[_SEEN]
-        pull = memory[_KNOWN_PULL] + worth * memory[_PULL + _ROOM]
-        return makes[_ROOM] * pull / room, abs(makes[_ROOM]) / sqrt(room)
+        still_K, still_K2, _, _, _, _ = _by_air(NO_NEWS, makes, memory)
+        return still_K, sqrt(still_K2)
     astray = 1.0 if isnan(other_K) else ASTRAY
     odds = mean_K = square_K2 = first = 0.0
     for air_K, share in ((UNMEASURED_K, astray), (SENSOR_K, 1.0 - astray)):
