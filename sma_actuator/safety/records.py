@@ -144,7 +144,7 @@ class Memory:
     supply_A_V: Lately = field(default_factory=Lately)  #: current and voltage that it measures
     since_s: dict[str, float] = field(default_factory=dict)  #: since when a condition holds
     #: How long a condition has held, breaks left out, when it was looked at, and whether it held then.
-    within: dict[str, tuple[float, float, bool]] = field(default_factory=dict)
+    in_all: dict[str, tuple[float, float, bool]] = field(default_factory=dict)
     count: dict[str, int] = field(default_factory=dict)  #: how many times running
     owed: dict[str, float] = field(default_factory=dict)  #: leaky counts
 
@@ -160,15 +160,15 @@ class Memory:
         if self.since_s:
             for name in names:
                 self.since_s.pop(name, None)
-                self.within.pop(name, None)
+                self.in_all.pop(name, None)
 
-    def within_s(self, name: str, holds: bool, now_s: float) -> float:
+    def in_all_s(self, name: str, holds: bool, now_s: float) -> float:
         """How long a condition that holds has done so in all, breaks left out, since it was :meth:`over`; −inf where it
         does not hold."""
-        held_s, last_s, held = self.within.get(name, (0.0, now_s, False))
+        held_s, last_s, held = self.in_all.get(name, (0.0, now_s, False))
         if holds and held:
             held_s += now_s - last_s
-        self.within[name] = held_s, now_s, holds
+        self.in_all[name] = held_s, now_s, holds
         return held_s if holds else -inf
 
     def running(self, name: str, holds: bool) -> int:

@@ -421,7 +421,7 @@ def test_current_and_voltage_may_differ_by_the_tolerance(step, config):
         memory = Memory(**MEMORY)
         said(guard, step(memory=memory, **{**none, name: math.nextafter(tolerance, 1.0)}))
         assert memory.since_s == {guard.name: NOW_s}
-        assert memory.within == {f"{guard.name}, however late": (0.0, NOW_s, True)}
+        assert memory.in_all == {f"{guard.name}, however late": (0.0, NOW_s, True)}
 
 
 class TestADaqThatIsLate:

@@ -131,7 +131,7 @@ def _disagrees(step: Step, names: tuple[str, str], differs: bool, however_late: 
         memory.over(name, however)
         return None
     lasts_s = memory.lasts_s(name, True, step.now_s)
-    unlike_s = memory.within_s(however, however_late, step.now_s)
+    unlike_s = memory.in_all_s(however, however_late, step.now_s)
     lasts_at_least_s, late_s = step.config.safety.disagreement_time, max(LAG_s, LAG_READINGS / step.config.loop.rate)
     return lasts_s if lasts_s >= lasts_at_least_s and unlike_s >= lasts_at_least_s - late_s else None
 
