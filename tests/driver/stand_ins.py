@@ -23,6 +23,7 @@ class StandInSupply:
     """A supply into a 5.25 Ω wire with its leads and sense resistor, that notes what it is told."""
 
     identity = "stand-in supply"
+    now_s = staticmethod(time.monotonic)  #: of the loop's clock, by which it says how old an answer is
 
     def __init__(self):
         self.current_A = 0.0
@@ -61,7 +62,7 @@ class StandInSupply:
     def read_back(self):
         self._asked()
         flowing_A = self.current_A if self.output_on else 0.0
-        return SupplyState(time.monotonic(), self.current_A, self.output_on, 6.5 * flowing_A, flowing_A)
+        return SupplyState(self.now_s(), self.current_A, self.output_on, 6.5 * flowing_A, flowing_A)
 
     def check_settings(self):
         self._asked()

@@ -121,6 +121,7 @@ class Rig:
         self.config = Config.from_mapping(mapping)
         self.clock = HandClock()
         self.supply = Supply()
+        self.supply.now_s = self.clock.now_s
         self.daq = Daq(self.supply, self.clock)
         self.outputs = []
         self.driver = Driver(
