@@ -157,9 +157,13 @@ def _error_percent(sessions: Sequence[Case], config: Config) -> float:
     return float(np.average(errors, weights=[len(log) for log in logs]))
 
 
-def _with_every_kind(chosen: Sequence[Case], every: int, turn: int) -> list[Case]:
-    """Every so-many-th case of each kind, beginning elsewhere in each turn; the first of them hold every kind too."""
-    parts = [[c for c in chosen if c.kind == kind][turn % every :: every] for kind in KINDS]
+def _with_every_kind(chosen: Sequence[Case], every: int, turn: int, turns: int) -> list[Case]:
+    """Every so-many-th case of each kind, at least one; the first of them hold every kind too.
+
+    The turns begin spread over what is skipped, so that together they see as many effects as they can.
+    """
+    kinds = [[c for c in chosen if c.kind == kind] for kind in KINDS]
+    parts = [part[turn * min(every, len(part)) // turns :: every] for part in kinds]
     placed = [(i / len(part), case) for part in parts for i, case in enumerate(part)]
     return [case for _, case in sorted(placed, key=lambda x: x[0])]
 
@@ -253,7 +257,7 @@ def _asked(args: argparse.Namespace) -> list[Case]:
         listed = [c for c in listed if not args.one_alloy or c.alloy == ALLOYS[turn % len(ALLOYS)]]
         listed = [dataclasses.replace(c, sessions=args.sessions) for c in listed]
         listed = [c for c in listed if c.kind in args.kinds and (not args.only or set(args.only) & set(c.hidden))]
-        lists.append(_with_every_kind(listed, args.every, turn))
+        lists.append(_with_every_kind(listed, args.every, turn, len(args.physics)))
     return [case for row in itertools.zip_longest(*lists) for case in row if case is not None]
 
 
