@@ -183,6 +183,12 @@ class Likeliest:
                 )
         return "; ".join(out)
 
+    def whitened(self, covariance: Covariance) -> Likeliest:
+        """The same with rows that are independent of each other under a covariance."""
+        before, behind = self.sides
+        sides = covariance.whiten(before), covariance.whiten(behind)
+        return dataclasses.replace(self, rows=covariance.whiten(self.rows), sides=sides)
+
     def log_evidence(self, covariance: Covariance) -> float:
         """Laplace's logarithm of the evidence, after one more step under this covariance, within what is possible.
 

@@ -120,10 +120,13 @@ class Rows:
             return found.log_evidence(self.usual), self.usual
         moved = self.evidence.compare(found.effects).off - self.off
         over = [self.smooth.of_form(moved, what) for what in self.smooth.of_forms]
-        each = [[self._covariance(share * off) for off in over] if share else [self.usual] for share in shares]
-        evidence = [[found.log_evidence(covariance) for covariance in some] for some in each]
-        best = int(np.argmax(np.concatenate(evidence)))
-        return _mean([_mean(some) for some in evidence]), list(chain(*each))[best]
+        # What is usual is taken off once, and not by each of some two dozen covariances anew.
+        beside, rest = [self.usual.whiten(off) for off in over], found.whitened(self.usual)
+        forms = [[(share, k) for k in range(len(over))] if share else [(0.0, 0)] for share in shares]
+        usual = self.usual.log_likelihood(0.0)
+        evidence = [[usual + rest.log_evidence(Covariance(share * beside[k])) for share, k in some] for some in forms]
+        share, k = list(chain(*forms))[int(np.argmax(np.concatenate(evidence)))]
+        return _mean([_mean(some) for some in evidence]), self._covariance(share * over[k]) if share else self.usual
 
     def nothing(self) -> Hypothesis:
         """Nothing has happened."""

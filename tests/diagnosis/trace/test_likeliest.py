@@ -72,6 +72,17 @@ def test_laplaces_evidence_is_exact_where_all_is_linear_and_normal():
         assert found.log_evidence(usual) == pytest.approx(expected, abs=1e-3)
 
 
+def test_what_is_usual_may_be_taken_off_before_what_else_is_off_together():
+    """So it is taken off once for many covariances: the evidence is that of both at once."""
+    more = np.random.default_rng(9).standard_normal((N, 3))
+    for true in ((1.0, -2.0), (0.0, 0.0)):
+        _, found, _ = of(true)
+        usual, whole = Covariance(SMOOTH, share=0.5), Covariance(SMOOTH, more, share=0.5)
+        rest = found.whitened(usual).log_evidence(Covariance(usual.whiten(more)))
+        assert usual.log_likelihood(0.0) + rest == pytest.approx(found.log_evidence(whole), abs=1e-9)
+        assert abs(found.log_evidence(whole) - found.log_evidence(usual)) > 0.1
+
+
 @pytest.mark.parametrize("true", [(1.0, -2.0), (0.0, 0.0), (-0.1, 1.0)])
 def test_nothing_is_paid_for_what_cannot_be(true):
     """A size of one sign: before the logs it was normal over that half alone, and so is what they leave likely."""
