@@ -27,11 +27,20 @@ def _imports(path: Path) -> set[str]:
     return {name.removeprefix("sma_actuator.") for name in names}
 
 
-def test_the_core_loads_without_ros_instruments_or_plotting():
-    modules = ", ".join(f"sma_actuator.{name}" for name in CORE)
-    code = f"import sys, {modules}; print(*sorted({EDGES!r} & set(sys.modules)))"
+def _edges_loaded_with(*modules: str) -> list[str]:
+    names = ", ".join(f"sma_actuator.{name}" for name in modules)
+    code = f"import sys, {names}; print(*sorted({EDGES!r} & set(sys.modules)))"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120)
-    assert loaded.stdout.split() == []
+    return loaded.stdout.split()
+
+
+def test_the_core_loads_without_ros_instruments_or_plotting():
+    assert _edges_loaded_with(*CORE) == []
+
+
+def test_the_node_loads_of_them_ros_alone():
+    pytest.importorskip("rclpy")
+    assert _edges_loaded_with("ros.node") == ["rclpy"]
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from sma_actuator.base.parameter_file import read_parameter_file
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.share import shared_file
 from sma_actuator.bench.real import PHYSICS, physics_name
-from sma_actuator.check import look_first
+from sma_actuator.check.command import look_first
 from sma_actuator.config import BenchConfig, bench_from_mapping
 from sma_actuator.console import add_output_arguments, notes, questions, refuse_to_overwrite, results, typed, write_json
 from sma_actuator.console.asking import Asking, paused, read_answers

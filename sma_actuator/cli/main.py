@@ -24,7 +24,10 @@ COMMANDS = {
     "demo": ("sma_actuator.cli.demo", "drive the virtual bench through the node, live in the terminal"),
     "view": ("sma_actuator.view", "a running node in the browser: what the wire does, gains, a stop button"),
     "bench": ("sma_actuator.bench.server", "the virtual bench: a wire behind two SCPI instruments"),
-    "check": ("sma_actuator.check", "whether a wire is wired as its parameters say; the watchdog put to the test"),
+    "check": (
+        "sma_actuator.check.command",
+        "whether a wire is wired as its parameters say; the watchdog put to the test",
+    ),
     "tune": ("sma_actuator.cli.tune", "gains for a wire from a relay test and a few trials"),
     "enable": ("sma_actuator.cli.remote.enable", "a running node: current on, the wire is held where it is"),
     "move": ("sma_actuator.cli.remote.move", "a running node: the wire to a position"),
