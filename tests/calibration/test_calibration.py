@@ -18,16 +18,15 @@ from sma_actuator.calibration.stresses import clusters
 from sma_actuator.characterise.programs import square_pulses
 from sma_actuator.config import Config, bench_from_mapping
 from sma_actuator.estimation.chain import Chain
-from sma_actuator.identify import identify
 from sma_actuator.logs.experiments import make_experiment
 from sma_actuator.logs.kinds import FULL, make_experiments
 from sma_actuator.plant.loads import Weight
 
 
-@pytest.fixture(scope="module")
-def identified(flexinol):
-    logs = flexinol.only("pulses", "partial")
-    return logs, identify(logs, flexinol.mapping, "flexinol", order=2)
+@pytest.fixture
+def identified(flexinol, identified_flexinol):
+    """The logs of which a model was made, and the model."""
+    return flexinol.only("pulses", "partial"), identified_flexinol
 
 
 def test_the_model_file_says_how_good_the_model_was(identified):

@@ -11,7 +11,6 @@ from sma_actuator.config import Config, read_parameter_file
 from sma_actuator.diagnosis.extension import extend
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.estimation.effects import EFFECTS
-from sma_actuator.identify import identify
 
 YIELDS_m_per_N = 1e-4
 
@@ -54,9 +53,9 @@ def test_what_helps_other_logs_is_added_said_and_part_of_the_calibration(foreign
     assert config.calibration.error < without.calibration.error, "the calibration is that of the extended model"
 
 
-@pytest.fixture(scope="module")
-def fitted(flexinol):
-    return identify(flexinol.only("pulses", "partial"), flexinol.mapping, "flexinol", order=2)
+@pytest.fixture
+def fitted(identified_flexinol):
+    return identified_flexinol
 
 
 def measured_by(fitted, config):

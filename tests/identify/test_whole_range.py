@@ -221,8 +221,8 @@ def test_unseen_logs_are_met_over_the_whole_range_and_better_than_by_the_thesis(
     assert np.concatenate(inside).mean() > 0.85
 
 
-def test_a_model_of_the_thesis_states_no_interval(flexinol, unseen):
-    config = identify(flexinol.logs, flexinol.mapping, "flexinol", order=1).config
+def test_a_model_of_the_thesis_states_no_interval(identified_flexinol, unseen):
+    config = identified_flexinol.config
     assert np.isnan(Chain(config).run(make_experiment(unseen[0], config).signals).uncertainty_m).all()
 
 
