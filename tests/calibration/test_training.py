@@ -1,6 +1,7 @@
 """A wire that changes while it is measured is said to be one."""
 
 import dataclasses
+import functools
 import math
 
 import pytest
@@ -16,6 +17,7 @@ from sma_actuator.plant.worlds import IN_TRAINING
 LOADS_N = (0.6, 1.0, 1.5)
 
 
+@functools.cache
 def pulses(cycles, most_A=0.0):
     """Logs of three pulses at three loads, one after the other, of a wire that has done so many cycles before.
 
