@@ -93,6 +93,16 @@ def test_called_bare_it_lists_the_commands():
     assert all(f"    {command}" in said.stdout for command in COMMANDS)
 
 
+@pytest.mark.parametrize("program", ["main", "node"])
+def test_what_a_program_leaves_in_memory_is_not_looked_through_as_it_ends(program):
+    if program == "node":
+        pytest.importorskip("rclpy")
+    last = "import atexit, gc; atexit.register(lambda: print('looked through:', len(gc.get_objects())))"
+    code = f"{last}\nimport sys; sys.argv[1:] = ['--help']; from sma_actuator.__main__ import {program}; {program}()"
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=150.0)
+    assert int(ended.stdout.rpartition("looked through: ")[2]) < 100, "thousands are there"
+
+
 def test_it_says_its_version():
     assert re.fullmatch(r"sma-actuator \S.*\n", sma_actuator("--version").stdout)
 
