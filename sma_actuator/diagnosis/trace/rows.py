@@ -136,7 +136,8 @@ class Rows:
     def something_else(self, effects: Sequence[Hypothesis] = ()) -> Hypothesis:
         """Something has that is none of the ``effects``: alone, looking like one of them, or beside one.
 
-        Of these the best few count; the others add nothing.  Raises ValueError without smooth errors.
+        Of these the best few count, the others add nothing; and those that are others at the ends of their parameters.
+        Raises ValueError without smooth errors.
         """
         parts: dict[str, float] = {}
         alone, number = [], len(effects)
@@ -156,6 +157,10 @@ class Rows:
             " and ".join(one.names): self.of(one.fitted, LIMITS.nearly)[0] - math.log(UNNAMED * number)
             for one in best_few
         }
+        # At the end where it is another effect it is one that was tried too and does better, or one without a name.
+        for one in effects:
+            if one.objection and not one.worse:
+                like[" and ".join(one.names)] = one.log_evidence - math.log(UNNAMED * number)
         evidence = float(np.logaddexp.reduce([*parts.values(), *like.values()]))
         goes_with, looks_like = (
             {k: math.exp(v - evidence) for k, v in sorted(some.items(), key=lambda item: -item[1])}

@@ -30,7 +30,7 @@ from sma_actuator.diagnosis.trace.probability import Probabilities
 from sma_actuator.diagnosis.trace.problem import Problem
 from sma_actuator.diagnosis.trace.quantities import quantities
 from sma_actuator.diagnosis.trace.report import _words, sentence, summary
-from sma_actuator.diagnosis.trace.rows import GOES_WITH_NOTHING, NOTHING, SOMETHING_ELSE, Hypothesis, Rows
+from sma_actuator.diagnosis.trace.rows import GOES_WITH_NOTHING, NOTHING, SOMETHING_ELSE, UNNAMED, Hypothesis, Rows
 from sma_actuator.diagnosis.trace.scales import scales_of
 from sma_actuator.diagnosis.trace.shared import as_one
 from sma_actuator.diagnosis.trace.why import whys
@@ -346,10 +346,18 @@ def test_a_slip_pays_for_the_time_that_was_looked_for(wire, config):
     ids=lambda x: next(iter(x)) if isinstance(x, dict) else "",
 )
 def test_an_effect_at_the_end_where_it_is_another_has_no_name(wire, config, hidden, imitator, end):
-    """A drift at once is a lead, a creep at once a compliance, and a wear that takes no stroke a creep."""
+    """A drift at once is a lead, a creep at once a compliance, and a wear that takes no stroke a creep: if not one that
+    was tried, then something else."""
     evidence = Evidence(session(wire[0], hidden, logs=1), config)
-    found = Rows(evidence).effects([candidate(imitator, scales_of(evidence))])
+    rows = Rows(evidence)
+    (name,) = hidden
+    found, true = (rows.effects([candidate(n, scales_of(evidence))]) for n in (imitator, name))
     assert f"{imitator}'s {end}" in found.objection
+    without = rows.something_else([found])
+    assert without.log_evidence >= found.log_evidence - math.log(UNNAMED)
+    assert next(iter(without.looks_like)) == imitator
+    assert true.log_evidence > rows.something_else([found, true]).log_evidence + 2.0
+    assert not rows.something_else([dataclasses.replace(found, worse=True)]).looks_like
 
 
 @pytest.mark.long
