@@ -23,8 +23,8 @@ LEARNS, REMEMBERED = 0.01, 150.0
 #: It wants to have learned so often, over so much of the stroke (standard deviation), and to leave no more than this
 #: share of the variance: a weight's load goes with nothing.
 LEAST, SPREAD, LEFT = 30.0, 0.1, 0.1
-#: No model is surer than this share of the stroke (standard deviation), nor is the line, which is learned from the
-#: model: what that is off by everywhere, both are.
+#: No model is surer than this share of the stroke (standard deviation), nor is the line surer than the model was where
+#: it has learned: what that is off by everywhere, both are.
 SUREST = 0.005
 #: Beyond the stresses that it has learned, by more than this share of their range, the line says nothing.
 BEYOND = 0.1
@@ -40,8 +40,8 @@ FAR = 0.3
 LIKELY = 2.0
 
 #: What is remembered: the time; stress and displacement as they were lately; the way since the line has learned; how
-#: often it has, and the sum of the weights; means and sums of squares of stress and displacement; which stresses it has
-#: seen; for how long the model contradicts it.
+#: often it has, and the sum of the weights, and with each the model's variance; means and sums of squares of stress and
+#: displacement; which stresses it has seen; for how long the model contradicts it.
 (
     _TIME_s,
     _LATELY_Pa,
@@ -50,6 +50,7 @@ LIKELY = 2.0
     _WAY,
     _TIMES,
     _WEIGHT,
+    _VARIANCES_m2,
     _STRESS_Pa,
     _PLACE_m,
     _STRESSES,
@@ -58,7 +59,7 @@ LIKELY = 2.0
     _LOWEST_Pa,
     _HIGHEST_Pa,
     _CONTRADICTED_s,
-) = range(15)
+) = range(16)
 
 
 class ElasticLoad:
@@ -70,7 +71,7 @@ class ElasticLoad:
 
     def reset(self) -> None:
         """Forget the load."""
-        self._state = floats(15)
+        self._state = floats(16)
         self._state[_TIME_s] = nan
 
     def step(self, time_s: float, stress_Pa: float, displacement_m: float, uncertainty_m: float) -> tuple[float, float]:
@@ -113,7 +114,7 @@ def _told(
     slope_m_Pa, rest_m2 = _line(state, stroke_m)
     if slope_m_Pa < 0.0:
         line_m = state[_PLACE_m] + slope_m_Pa * (stress_Pa - state[_STRESS_Pa])
-        line_m2 = rest_m2 + (SUREST * stroke_m) ** 2
+        line_m2 = rest_m2 + state[_VARIANCES_m2] / state[_WEIGHT]
         away = (place_m - line_m) ** 2 / (model_m**2 + line_m2)
         likely = (1.0 + away / LIKELY**2) ** -2
         if model_m < SURE * stroke_m:
@@ -132,7 +133,7 @@ def _told(
     state[_BEFORE_m] = place_m
     if state[_WAY] >= LEARNS * stroke_m:
         state[_WAY] = 0.0
-        _learn(state, stress_Pa, place_m, likely * (SUREST * stroke_m / model_m) ** 4)
+        _learn(state, stress_Pa, place_m, model_m, likely * (SUREST * stroke_m / model_m) ** 4)
     return told_m, told_half_m
 
 
@@ -166,17 +167,19 @@ def _has_seen(state: Floats, stress_Pa: float) -> bool:
 @jit
 def _forget(state: Floats) -> None:
     """Begin another line."""
-    state[_TIMES] = state[_WEIGHT] = state[_STRESSES] = state[_PRODUCTS] = state[_PLACES] = 0.0
+    state[_TIMES] = state[_WEIGHT] = state[_VARIANCES_m2] = 0.0
+    state[_STRESSES] = state[_PRODUCTS] = state[_PLACES] = 0.0
     state[_CONTRADICTED_s] = 0.0
 
 
 @jit
-def _learn(state: Floats, stress_Pa: float, place_m: float, weight: float) -> None:
-    """One more point of the line (weighted sums that forget, about their means)."""
+def _learn(state: Floats, stress_Pa: float, place_m: float, model_m: float, weight: float) -> None:
+    """One more point of the line (weighted sums that forget, about their means); ``model_m``: how sure the model is."""
     kept = 1.0 - 1.0 / REMEMBERED
     first = state[_TIMES] == 0.0
     state[_TIMES] = kept * state[_TIMES] + 1.0
     state[_WEIGHT] = kept * state[_WEIGHT] + weight
+    state[_VARIANCES_m2] = kept * state[_VARIANCES_m2] + weight * model_m**2
     part = weight / state[_WEIGHT]
     off_Pa, off_m = (0.0, 0.0) if first else (stress_Pa - state[_STRESS_Pa], place_m - state[_PLACE_m])
     if first:
