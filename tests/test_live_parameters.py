@@ -138,7 +138,7 @@ def has_another_sense_resistor(rig: Rig) -> None:
 
 
 def has_other_voltages(rig: Rig) -> None:
-    rig.run(9.0)
+    rig.run(12.0)  # until the command that holds it stands
     lie(
         rig,
         supply_voltage_V=lambda reading: 1.05 * reading.supply_voltage_V,
