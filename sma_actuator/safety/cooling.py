@@ -11,10 +11,11 @@ from math import inf, isfinite, nan, sqrt
 
 from sma_actuator.base.jit import Floats, jit
 
-#: Share by which readings of a resistance scatter at the bias, at the least: what shows less may stand still.
-SCATTER = 1e-3
-#: Standard errors by which the resistance may fall faster than it was seen to.
-SURELY = 3.0
+#: Share by which a resistance at the bias may be other than it is read, at the least: what shows less may stand still.
+LEAST = 3e-3
+#: Standard errors by which the resistance may fall faster than it was seen to.  It is looked at with every reading:
+#: with 3 one hot wire in ten was called colder than it was, by up to 100 K, where readings scatter by 2e-3.
+SURELY = 4.5
 #: Readings that tell a scatter.
 FEWEST = 8
 #: Share of the longest time constant after which it is looked anew: what came before says less of now.
@@ -87,8 +88,10 @@ def cooling_C(
     shared = state[first + _TY] - state[first + _T] * state[first + _Y] / count
     rises_1_s = shared / spread_s2
     left = state[first + _YY] - state[first + _Y] ** 2 / count - rises_1_s * shared
-    scatter = sqrt(max(left / (count - 2.0), SCATTER * SCATTER))
-    unsure_1_s = SURELY * scatter / sqrt(spread_s2)
+    # Few readings tell a scatter badly: so much larger than normal is what Student's t is surely below.
+    told = 1.0 + (SURELY * SURELY + 1.0) / (4.0 * (count - 2.0))
+    unsure = max(SURELY * told * sqrt(max(left, 0.0) / (count - 2.0)), LEAST)
+    unsure_1_s = unsure / sqrt(spread_s2)
     # One whose resistance rises is being heated, or transforms: it may be as hot as its power leaves it.
     hottest_C = state[first + _SETTLES_C] + max(unsure_1_s - rises_1_s, 0.0) * longest_s / slope_1_K
     return hottest_C if shows_cold and rises_1_s < WARMS_1_s else max(hottest_C, returns_C)

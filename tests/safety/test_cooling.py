@@ -4,13 +4,14 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from sma_actuator.base.jit import floats
-from sma_actuator.safety.cooling import COOLING, SCATTER, begin_cooling, cooling_C
+from sma_actuator.safety.cooling import COOLING, begin_cooling, cooling_C
 
 COLD_C, TRANSFORMS_C, SLOPE_1_K, LONGEST_s, STEP_s = 24.0, 150.0, 2e-4, 12.0, 0.05
+SCATTER = 1e-3  #: of readings at the bias, as a share
 
 
 @pytest.fixture
@@ -60,6 +61,9 @@ def test_one_whose_resistance_rises_transforms(look):
     scatter=st.floats(0.0, 2.0 * SCATTER),
     seed=st.integers(0, 1000),
 )
+@example(begins_C=160.0, slope_1_K=0.00020919621382688725, time_constant_s=11.0, scatter=0.001953125, seed=302)
+@example(begins_C=260.0, slope_1_K=2.1e-4, time_constant_s=11.0, scatter=SCATTER, seed=664)
+@example(begins_C=260.0, slope_1_K=2.1e-4, time_constant_s=11.0, scatter=2.0 * SCATTER, seed=292)
 def test_a_wire_that_is_hotter_than_it_transforms_at_is_never_called_colder_than_it_is(
     begins_C, slope_1_K, time_constant_s, scatter, seed
 ):
