@@ -2,8 +2,8 @@
 
 ``u = Kp e + Ki ∫e dt + Kd dx/dt`` with ``e = x − x_d``: a wire that is too long gives a positive
 error, hence more current, heat and contraction.  The derivative acts on the position alone, so a
-step of the setpoint does not kick.  Both act on the position without its noise (:mod:`.smoothing`),
-so that the current does not rattle.
+step of the setpoint does not kick.  The integral is half as quick where the wire is held, lest it hunt through its
+hysteresis.  All act on the position without its noise (:mod:`.smoothing`), so that the current does not rattle.
 """
 
 from __future__ import annotations
@@ -38,7 +38,9 @@ class PidParameters(ControllerParameters):
     """Gains of the PID."""
 
     kp: float = parameter(description="proportional gain", unit="A/m", lo=0.0, hi=1e6, live="either")
-    ki: float = parameter(0.0, "integral gain", "A/(m·s)", 0.0, 1e6, live="either")
+    ki: float = parameter(
+        0.0, "integral gain; half of it acts where the wire is held", "A/(m·s)", 0.0, 1e6, live="either"
+    )
     kd: float = parameter(0.0, "derivative gain, on the estimate", "A·s/m", 0.0, 1e6, live="either")
     derivative_time_constant: float = parameter(0.1, "low-pass of the derivative", "s", 0.0, 10.0, live="either")
     tuning_current: float = parameter(
