@@ -88,7 +88,7 @@ def cooling_C(
     shared = state[first + _TY] - state[first + _T] * state[first + _Y] / count
     rises_1_s = shared / spread_s2
     left = state[first + _YY] - state[first + _Y] ** 2 / count - rises_1_s * shared
-    # Few readings tell a scatter badly: so much larger than normal is what Student's t is surely below.
+    # Few readings tell a scatter badly: Student's t over a normal deviate (Abramowitz and Stegun, 26.7.5, in 1/count).
     told = 1.0 + (SURELY * SURELY + 1.0) / (4.0 * (count - 2.0))
     unsure = max(SURELY * told * sqrt(max(left, 0.0) / (count - 2.0)), LEAST)
     unsure_1_s = unsure / sqrt(spread_s2)
