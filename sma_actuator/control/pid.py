@@ -25,8 +25,8 @@ SHORTEST_STEP_s = 1e-6
 #: Share of the largest current by which noise of the position may move the current from step to step, rms.
 UNREST = 0.01
 #: How quick the integral is where a wire is held, over what brings it there.  A play and a PI go round for ever where
-#: the integral is quicker than the temperature of a wire that does not transform: wires swung by 3 % of their stroke
-#: about where they were held, with a half by less than 1 %.
+#: the integral is quicker than the temperature of a wire that does not transform, heat_capacity / heat_loss: kp over ki
+#: of `init` is three quarters of that, and with a half of ki one and a half.
 HOLDING = 0.5
 #: A wire that is off by so much that the gain alone asks for this share of the largest current is not held any more.
 FAR = 0.125
