@@ -22,23 +22,24 @@ from sma_actuator.logs.files import write_atomically
 try:
     import jinja2
     import markupsafe
-    import matplotlib
-
-    matplotlib.use("Agg")
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.colors import to_hex
     from matplotlib.figure import Figure
+    from matplotlib.image import imsave
 except ModuleNotFoundError as error:
     raise ConfigError(f"the page with pictures needs the Python package '{error.name}' (extra 'report')") from error
 
 __all__ = ["Page", "figure"]
 
+_DPI = 110
 _MOST_POINTS = 5000  #: of a line that can be looked into
 _WORDS = 18  #: characters from which a cell is read as text and not as a number
 
 
 def figure(columns: int = 1, rows: int = 1, width_in: float = 5.0, height_in: float = 3.6, **options: Any):
     """A matplotlib figure and its axes, sized for the page."""
-    drawing = Figure(figsize=(width_in * columns, height_in * rows), layout="constrained")
+    size_in = width_in * columns, height_in * rows
+    drawing = Figure(figsize=size_in, dpi=_DPI, layout="constrained")
     return drawing, drawing.subplots(rows, columns, squeeze=False, **options)
 
 
@@ -71,8 +72,10 @@ class Page:
         """Embed a matplotlib figure as PNG; with ``zoom`` its lines can be looked into."""
         for ax in drawing.axes:
             ax.set_visible(ax.has_data())  # a grid may have more places than pictures
-        stream = io.BytesIO()
-        drawing.savefig(stream, format="png", dpi=110)
+        # savefig would draw it twice: once for the layout alone.
+        canvas, stream = FigureCanvasAgg(drawing), io.BytesIO()
+        canvas.draw()
+        imsave(stream, canvas.buffer_rgba(), format="png", dpi=_DPI)
         data = base64.b64encode(stream.getvalue()).decode()
         self.parts.append({"kind": "figure", "data": data, "caption": caption, "zoom": zoom and _lines_of(drawing)})
 
