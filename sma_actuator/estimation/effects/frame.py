@@ -29,6 +29,10 @@ class Place:
     resistance_range_Ohm: float = nan  #: of the calibration; NaN where it is not known
     stroke: Calibration | None = None  #: what knows the ends of the stroke by stress, where something does
 
+    def __deepcopy__(self, memo: dict[int, object]) -> Place:
+        """Itself: nothing in it changes, and a calibration's tables are what takes longest to copy of a chain."""
+        return self
+
     def share_of_stroke(self, frame: Frame) -> np.ndarray:
         """How far the wire is between the contracted (0) and the cold end (1) of its stroke, shape (n,)."""
         if self.stroke is not None:
