@@ -11,7 +11,7 @@ import itertools
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import stdtr
+import scipy  # whose modules are loaded where they are first asked for: half of what a program takes to start
 
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.experiments import Experiment, judged_rows, make_experiment
@@ -56,7 +56,7 @@ def change_while_measured_m(logs: Sequence[BenchLog], config) -> float:
         return 0.0
     mean_m = float(np.mean(moved_m))
     spread_m = float(np.std(moved_m, ddof=1) / np.sqrt(len(moved_m)))
-    by_chance = 2.0 * float(stdtr(len(moved_m) - 1, -abs(mean_m) / max(spread_m, 1e-12)))
+    by_chance = 2.0 * float(scipy.special.stdtr(len(moved_m) - 1, -abs(mean_m) / max(spread_m, 1e-12)))
     stands = STANDS_OUTWARDS if mean_m > 0.0 else STANDS_INWARDS
     return abs(change_m) if abs(mean_m) >= stands * config.wire.full_stroke_m and by_chance < _CHANCE else 0.0
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize, minimize_scalar
+import scipy  # whose modules are loaded where they are first asked for: half of what a program takes to start
 
 from sma_actuator.base.balance import Balance, gains
 from sma_actuator.base.jit import jit
@@ -155,7 +155,9 @@ def heat_balance(experiments: Sequence[Experiment], bench: BenchConfig) -> Balan
     grid = np.linspace(low, high, 40)
     best = grid[int(np.argmin([left_alone(x) for x in grid]))]
     step = grid[1] - grid[0]
-    alone = minimize_scalar(left_alone, bounds=(max(best - step, low), min(best + step, high)), method="bounded")
+    alone = scipy.optimize.minimize_scalar(
+        left_alone, bounds=(max(best - step, low), min(best + step, high)), method="bounded"
+    )
     found = Balance(math.exp(float(alone.x)))
     near = _with_near_surroundings(found.time_constant_s, left)
     if near.near_s > _QUICK * near.time_constant_s and _SLEEVED * left(near) < left(found):
@@ -178,7 +180,9 @@ def _with_near_surroundings(alone_s: float, left: Callable[[Balance], float]) ->
     best = min(begins, key=left)
     odds = best.near_share / (_MOST_SHARE - best.near_share)
     start = [math.log(best.time_constant_s), math.log(odds), math.log(best.near_s)]
-    return at(minimize(lambda place: left(at(place)), start, method="Nelder-Mead", options={"xatol": 0.01}).x)
+    return at(
+        scipy.optimize.minimize(lambda place: left(at(place)), start, method="Nelder-Mead", options={"xatol": 0.01}).x
+    )
 
 
 def _pasts(experiments: Sequence[Experiment]) -> list[list[Experiment]]:

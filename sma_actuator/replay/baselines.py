@@ -10,8 +10,8 @@ import warnings
 from typing import Protocol
 
 import numpy as np
+import scipy  # whose modules are loaded where they are first asked for: half of what a program takes to start
 from numpy.polynomial import Polynomial
-from scipy.optimize import least_squares
 
 from sma_actuator.base.jit import jit
 from sma_actuator.base.parameters import ConfigError
@@ -118,7 +118,9 @@ class Duhem:
         slope = np.polynomial.polynomial.polyder(mean)
         starts = [np.concatenate([[np.log(rate)], mean, share * slope]) for rate in (1.0, 5.0) for share in (0.3, 0.9)]
         best = min(starts, key=lambda theta: np.abs(residuals(theta)).mean())
-        self._theta = least_squares(residuals, best, loss="soft_l1", f_scale=LOSS_SCALE, x_scale="jac", max_nfev=80).x
+        self._theta = scipy.optimize.least_squares(
+            residuals, best, loss="soft_l1", f_scale=LOSS_SCALE, x_scale="jac", max_nfev=80
+        ).x
 
     def predict(self, experiment: Experiment) -> np.ndarray:
         """Begins on f."""

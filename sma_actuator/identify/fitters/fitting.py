@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar, cast
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy  # whose modules are loaded where they are first asked for: half of what a program takes to start
 
 from sma_actuator.estimation.models import StrainModel, ThermalStrainModel
 from sma_actuator.identify.ranges import determinate_interval_m, distinct_stresses, full_cycles
@@ -115,7 +115,7 @@ def fit(
 ) -> Any:
     """Robust least squares from ``start``; returns scipy's result (``x``, ``jac``, ``fun``)."""
     weight = data.counts.astype(float) if weight is None else weight
-    return least_squares(
+    return scipy.optimize.least_squares(
         lambda theta: residuals(build, theta, data, weight),
         start,
         loss="soft_l1",
@@ -202,7 +202,7 @@ def _robust(residual: np.ndarray) -> float:
 
 def _linearised(build: Model, theta: np.ndarray, data: Data) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Jacobian, residuals and robust weights of the samples that count."""
-    solution = least_squares(
+    solution = scipy.optimize.least_squares(
         lambda x: residuals(build, x, data, data.counts.astype(float)),
         theta,
         loss="linear",

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy  # whose modules are loaded where they are first asked for: half of what a program takes to start
 
 from sma_actuator.estimation.models import COEFFICIENTS
 from sma_actuator.identify.ranges import distinct_stresses, full_cycles, lowest_order, stress_range_Pa, working_range_m
@@ -154,7 +154,9 @@ class _Curves:
 def robust_linear(basis: np.ndarray, y: np.ndarray, scale: float) -> np.ndarray:
     """Coefficients (k,) of y ≈ basis @ c with a loss that is linear beyond ``scale``; basis (n, k), y (n,)."""
     start = np.linalg.lstsq(basis, y, rcond=None)[0]
-    return least_squares(lambda c: basis @ c - y, start, jac=lambda c: basis, loss="soft_l1", f_scale=scale).x
+    return scipy.optimize.least_squares(
+        lambda c: basis @ c - y, start, jac=lambda c: basis, loss="soft_l1", f_scale=scale
+    ).x
 
 
 def _uncentring(centre: float, scale: float, order: int) -> np.ndarray:
