@@ -21,7 +21,6 @@ from sma_actuator.bench import VirtualBench
 from sma_actuator.bench.server import background
 from sma_actuator.characterise import PlanOptions, characterise, make_plan
 from sma_actuator.characterise.calibration import fit_line
-from sma_actuator.characterise.page import write_page
 from sma_actuator.characterise.parts import RUN
 from sma_actuator.characterise.plan import typical_resistance_Ohm
 from sma_actuator.characterise.programs import every_ordered_pair, held_currents, hold, square_pulses, trained
@@ -224,6 +223,8 @@ def test_a_half_trained_wire_is_trained_on_before_it_is_measured(tmp_path):
     found = manifest.data["parts"]["training"]["results"]
     assert found["left_m"] <= ENOUGH * rig.config.wire.full_stroke_m
     assert plan[0].parameters["load_N"] == max(part.parameters["load_N"] for part in plan)
+    from sma_actuator.characterise.page import write_page  # which takes long to import for all who collect the tests
+
     write_page(tmp_path, manifest)
     assert "Training: where the ends of the wire went" in (tmp_path / "calibration.html").read_text()
 

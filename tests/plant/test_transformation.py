@@ -25,11 +25,17 @@ from sma_actuator.plant.worlds import WORLDS, wire_in_world
 
 FLEXINOL = WIRES["flexinol"].kinetics
 SLOPE_PA_K = FLEXINOL.stress_slope_Pa_K
-KINETICS = [
-    pytest.param(wire_in_world(wire, world).kinetics, id=f"{wire}-{world}")
-    for wire in ("flexinol", "furukawa")
-    for world in ("liang_rogers", "measured", "lagoudas")
-]
+IN_EVERY_KINETICS = pytest.mark.parametrize(
+    "k",
+    [f"{wire}-{world}" for wire in ("flexinol", "furukawa") for world in ("liang_rogers", "measured", "lagoudas")],
+    indirect=True,
+)
+
+
+@pytest.fixture(scope="module")
+def k(request):
+    """Kinetics by their name: to collect the tests makes none."""
+    return wire_in_world(*request.param.split("-")).kinetics
 
 
 class Sample:
@@ -172,7 +178,7 @@ def on_band(k, row, temperature_C, stress_Pa):
     return band_fraction(k.family, k.bands(), row, temperature_C, stress_Pa)
 
 
-@pytest.mark.parametrize("k", KINETICS)
+@IN_EVERY_KINETICS
 @pytest.mark.parametrize("stress_Pa", [0.0, 60e6, 150e6])
 def test_every_kinetics_lies_between_its_bands_and_ends_in_one_phase(k, stress_Pa):
     sample = Sample(kinetics=k, stress_Pa=stress_Pa)
@@ -188,7 +194,7 @@ def test_every_kinetics_lies_between_its_bands_and_ends_in_one_phase(k, stress_P
         )
 
 
-@pytest.mark.parametrize("k", KINETICS)
+@IN_EVERY_KINETICS
 def test_in_every_kinetics_stress_brings_martensite_and_cooling_lags_heating(k):
     for temperature_C in range(0, 120, 4):
         for row in (HEATING, COOLING):
@@ -197,7 +203,7 @@ def test_in_every_kinetics_stress_brings_martensite_and_cooling_lags_heating(k):
         assert on_band(k, COOLING, temperature_C, 60e6) <= on_band(k, HEATING, temperature_C, 60e6) + 2e-3
 
 
-@pytest.mark.parametrize("k", KINETICS)
+@IN_EVERY_KINETICS
 @given(st.floats(40.0, 75.0), st.lists(st.floats(0.05, 0.95), min_size=1, max_size=8))
 def test_in_every_kinetics_what_is_inside_a_loop_is_forgotten_when_it_closes(k, turn_C, inner):
     """Return-point memory: a walk inside a loop comes back to the point where the loop was left, and ends on it."""
@@ -215,7 +221,7 @@ def test_in_every_kinetics_what_is_inside_a_loop_is_forgotten_when_it_closes(k, 
     assert sample.to(turn_C + 4.0) == pytest.approx(plain.to(turn_C + 4.0, 400), abs=1e-9)
 
 
-@pytest.mark.parametrize("k", KINETICS)
+@IN_EVERY_KINETICS
 @given(st.lists(st.floats(-20.0, 140.0), min_size=1, max_size=40))
 def test_in_every_kinetics_any_history_moves_the_fraction_the_way_the_temperature_goes(k, temperatures_C):
     sample = Sample(kinetics=k, stress_Pa=54e6)
