@@ -14,8 +14,9 @@ of an offset.  What the heat balance has beyond that is k's, the air's and l's, 
 temperature was told in logs left out: a Kalman filter of three numbers that hardly change.  Samples are of one reading
 as long as they are alike: a wire that is held for an hour says once what it says there.
 
-That the air moves otherwise is seldom so and then by much, and so it is with a sensor that reads the air of elsewhere:
-each counts as far as the readings speak for it, the mean of hypotheses by their odds (Kass and Raftery 1995).
+That the air moves otherwise is seldom so and then by much, and so it is with a sensor that reads the air of elsewhere;
+often all is as it was.  Each counts as far as the readings speak for it, the mean of hypotheses by their odds (Kass and
+Raftery 1995).
 """
 
 from __future__ import annotations
@@ -34,6 +35,8 @@ DRAUGHT, DRAUGHTY = 0.15, 0.1
 #: So much warmer or colder the air at the wire is than a sensor says, and than at the calibration where there is none,
 #: seasons indoors; and what share of the sensors say as little as none.
 SENSOR_K, UNMEASURED_K, ASTRAY = 2.0, 8.0, 0.1
+#: Every second run is on the bench of the calibration, where air and sensor are to each other as they were.
+SAME_K, SAME = 0.3, 0.5
 #: Errors of an expected temperature are alike for so long, and over such a share of the stroke: a step, a quarter of a
 #: cycle.  A place that moves by less than PLAY is noise.
 ALIKE_s, ALIKE, PLAY = 20.0, 0.4, 0.02
@@ -131,7 +134,8 @@ def off_K(other_K: float, rise_K: float, memory: Floats) -> tuple[float, float]:
         return still_K, sqrt(still_K2)
     astray = 1.0 if isnan(other_K) else ASTRAY
     odds = mean_K = square_K2 = first = 0.0
-    for air_K, share in ((UNMEASURED_K, astray), (SENSOR_K, 1.0 - astray)):
+    same = 0.0 if isnan(other_K) else SAME
+    for air_K, share in ((UNMEASURED_K, astray), (SENSOR_K, 1.0 - astray - same), (SAME_K, same)):
         still_K, still_K2, speaks, draught_K, draught_K2, more = _by_air(air_K, makes, memory)
         if odds == 0.0:
             first = speaks

@@ -14,6 +14,8 @@ from sma_actuator.estimation.models.surroundings import (
     DRAUGHTY,
     LASTS,
     PLAY,
+    SAME,
+    SAME_K,
     SENSOR_K,
     UNMEASURED_K,
     WITHIN,
@@ -90,7 +92,7 @@ def test_a_sensor_that_reads_the_room_of_another_day_is_found_out():
 def test_before_the_wire_has_moved_the_air_is_as_unsure_as_it_is_measured():
     memory = nothing_seen((1.0, WITHIN))
     follow(True, memory)
-    square_K2 = (1.0 - ASTRAY) * SENSOR_K**2 + ASTRAY * UNMEASURED_K**2
+    square_K2 = SAME * SAME_K**2 + (1.0 - SAME - ASTRAY) * SENSOR_K**2 + ASTRAY * UNMEASURED_K**2
     assert off_K(0.0, 0.0, memory) == (0.0, pytest.approx(square_K2**0.5))
     assert off_K(nan, 0.0, memory) == (0.0, pytest.approx(UNMEASURED_K))
 
@@ -100,6 +102,15 @@ def test_what_is_expected_is_off_by_is_no_draught():
     memory = told(WITHIN_K / 3.0 * minutes(10.0), draughts=True)
     off, by_sensor = off_K(0.0, 40.0, memory)[0], off_K(0.0, 0.0, memory)[0]
     assert abs(off - by_sensor) < 0.1 * WITHIN_K and by_sensor < WITHIN_K / 3.0
+
+
+def test_what_one_place_tells_counts_by_half_where_all_may_be_as_it_was():
+    """Of what it would tell of air that is surely off by a sensor's two kelvins."""
+    held = minutes(ALIKE_s / 60.0)
+    seen = remembered(1.0) / WITHIN_K**2
+    surely_K = 1.5 * seen / (seen + 1.0 / SENSOR_K**2)
+    off, _ = off_K(0.0, 0.0, told(1.5 * held, shares=0.5 * held, draughts=True))
+    assert 0.3 * surely_K < off < 0.6 * surely_K
 
 
 def test_at_first_a_draught_is_as_unlikely_as_it_is_seldom():

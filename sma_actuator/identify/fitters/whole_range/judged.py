@@ -3,7 +3,7 @@ model."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -126,11 +126,28 @@ def intervals_of(
     place: np.ndarray, heating: np.ndarray, score: np.ndarray, places: np.ndarray, level: float = COVERAGE
 ) -> np.ndarray:
     """A quantile of a score on either branch near each place, shape (2, PLACES)."""
-    out = np.full((2, len(places)), np.quantile(score, level))
+
+    def quantile(near: np.ndarray) -> float:
+        # The level is the one that conformal prediction asks for of so many.
+        return float(np.quantile(near, min(1.0, level * (1.0 + 1.0 / len(near)))))
+
+    return near_places(place, heating, score, places, quantile)
+
+
+def near_places(
+    place: np.ndarray,
+    heating: np.ndarray,
+    score: np.ndarray,
+    places: np.ndarray,
+    of: Callable[[np.ndarray], float],
+) -> np.ndarray:
+    """What is made ``of`` a score on either branch near each place, shape (2, PLACES); of all of it where there is
+    little."""
+    out = np.full((2, len(places)), of(score))
     reach = _PLACE_WIDTH * (places[1] - places[0])
     for row in range(2):
         for k, middle in enumerate(places):
             near = (heating == bool(row)) & (np.abs(place - middle) < reach)
-            if near.sum() >= 40:  # the level is the one that conformal prediction asks for of so many
-                out[row, k] = np.quantile(score[near], min(1.0, level * (1.0 + 1.0 / near.sum())))
+            if near.sum() >= 40:
+                out[row, k] = of(score[near])
     return out

@@ -16,11 +16,10 @@ from sma_actuator.estimation.models.heat_content import APPARENT
 from sma_actuator.estimation.models.surroundings import LEAST_K, WITHIN, nothing_seen, off_K, tell
 
 from .data import Data
-from .judged import PLACES, intervals_of
+from .judged import PLACES, near_places
 from .learner import Team
 
 UNITS, ITERATIONS = 14, 60  #: of each learner, as of the one that the heat balance is fitted with
-ONE_SIGMA = 0.68  #: of the errors are within a standard deviation
 
 
 class Expected(NamedTuple):
@@ -61,8 +60,8 @@ def expected(z: np.ndarray, data: Data, growth_1_K: float, scale_K: float) -> Ex
     place, heating = data.displacement[data.rows], data.heating[data.rows].astype(bool)
     first, last = np.percentile(data.displacement, (0.1, 99.9))
     places = np.linspace(first, last, PLACES)
-    score = np.abs(beyond_K) / (floor_K + spread_K)
-    widths = intervals_of(place[usual], heating[usual], score[usual], places, ONE_SIGMA)
+    score = beyond_K / (floor_K + spread_K)
+    widths = near_places(place[usual], heating[usual], score[usual], places, _rms)
     within_K = (floor_K + spread_K) * np.where(heating, *(np.interp(place, places, row) for row in widths[::-1]))
     of_log = np.searchsorted(np.cumsum(data.lengths), data.rows, side="right")
     counts, within = 1.0 / (1.0 + RISE_K * growth_1_K), WITHIN
@@ -77,3 +76,7 @@ def expected(z: np.ndarray, data: Data, growth_1_K: float, scale_K: float) -> Ex
         off, within = off_K(1.0, 0.0, memory)
         counts = 1.0 - off
     return Expected(learned(usual), widths, floor_K, counts, within, (1.0 - counts) * other_K)
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
