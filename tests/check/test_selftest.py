@@ -3,6 +3,7 @@
 import json
 import math
 import re
+import shlex
 from dataclasses import replace
 
 import pytest
@@ -143,7 +144,8 @@ def test_a_wire_without_a_model_is_looked_at_too_before_it_is_heated(tmp_path, c
     found = {each["part"]: each for each in json.loads((tmp_path / "found.json").read_text())}
     assert {part for part, each in found.items() if each["level"] == "warning"} == {"load cell", "leads"}
     assert "`sma-actuator characterise` makes it" in found["load cell"]["sentence"]
-    assert f"next: measure the wire: sma-actuator characterise --config {path}" in capsys.readouterr().err
+    next_ = f"next: measure the wire: sma-actuator characterise --config {shlex.quote(str(path))}"
+    assert next_ in capsys.readouterr().err
     mapping["instruments"]["daq"]["lvdt_channel"] = 0
     write_parameter_file(path, mapping, "without a displacement sensor")
     assert main([*words, "--force"]) == 0

@@ -191,7 +191,8 @@ def test_one_that_fails_says_what_to_do_and_keeps_what_was_said(demo):
     assert started.process.wait(WAIT_s) == 1, started.words
     why, advice = [line for line in started.words.splitlines() if line][-2:]
     assert why.startswith("sma-actuator demo: the virtual bench ended with code -9")
-    folder = Path(advice.removeprefix("Run it once more; if it fails so again, the logs in ").split()[0])
+    before, after = "Run it once more; if it fails so again, the logs in ", " say what came before"
+    folder = Path(advice.removeprefix(before).removesuffix(after))
     assert "the output is on" in (folder / "node.log").read_text()
     shutil.rmtree(folder)
 

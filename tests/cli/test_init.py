@@ -3,6 +3,7 @@
 import math
 import multiprocessing
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -141,7 +142,7 @@ def test_numbers_may_have_a_unit_enter_takes_the_usual_and_a_question_mark_expla
     assert "As on the packet" in done.stderr and "  0.00015 m" in done.stderr, "explained, and shown as understood"
     assert "U2 in the drawing" in done.stderr
     assert "max_voltage" in done.stdout, "what was derived is shown"
-    assert f"sma-actuator check --config {out}" in done.stderr
+    assert f"sma-actuator check --config {shlex.quote(str(out))}" in done.stderr
 
 
 @pytest.mark.parametrize(
