@@ -219,6 +219,12 @@ def in_turn(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 
 @pytest.fixture(scope="session", autouse=True)
+def logs_of_ros(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """They go with the tests that wrote them, and not into a home, where perhaps nothing can be written."""
+    os.environ.setdefault("ROS_LOG_DIR", str(tmp_path_factory.mktemp("ros_log")))
+
+
+@pytest.fixture(scope="session", autouse=True)
 def on_one_thread() -> Iterator[None]:
     """Linear algebra does: threads that wait for a core that another worker has, turn in circles on their own."""
     with one_thread():
