@@ -48,6 +48,8 @@ class Chromium:
             "--disable-background-networking", "--disable-component-update", "--disable-extensions", "--disable-sync",
             "--remote-debugging-port=0", f"--user-data-dir={folder}", f"--window-size={size}", "about:blank",
             stdout=asyncio.subprocess.DEVNULL, stderr=asyncio.subprocess.DEVNULL, start_new_session=True,
+            # Where a locale is ASCII alone, its storage crashes for ever in a folder with any other letter.
+            env={**os.environ, "LC_ALL": "C.UTF-8"},
         )  # fmt: skip
         self._stack.push_async_callback(self._end)
         port_file = folder / "DevToolsActivePort"
