@@ -51,9 +51,13 @@ class RestSection:
     cold_stress: tuple[float, ...] = parameter((), "stresses at cold rest", "Pa", -1e9, 1e9, optional=True)
     cold_resistance: tuple[float, ...] = parameter((), "resistance at cold rest", "Ω", 0.0, 1e6, optional=True)
     cold_displacement: tuple[float, ...] = parameter((), "displacement at cold rest", "m", -10.0, 10.0, optional=True)
+    cold_power: float = parameter(nan, "power at cold rest", "W", 0.0, 1e6, optional=True)
     hot_stress: tuple[float, ...] = parameter((), "stresses at the hot end", "Pa", -1e9, 1e9, optional=True)
     hot_resistance: tuple[float, ...] = parameter((), "resistance at the hot end", "Ω", 0.0, 1e6, optional=True)
     hot_displacement: tuple[float, ...] = parameter((), "displacement at the hot end", "m", -10.0, 10.0, optional=True)
+    hot_longer: tuple[float, ...] = parameter(
+        (), "how much longer a wire is there per watt less, at most", "m/W", 0.0, 1e6, optional=True
+    )
     hot_power: float = parameter(nan, "power at the hot end", "W", 0.0, 1e6, optional=True)
     hot_to_go: float = parameter(
         0.0, "how far a contracted wire had yet to shrink when its pulses ended, rms", "m", 0.0, 10.0, optional=True
@@ -69,7 +73,7 @@ class RestSection:
             self,
             "rest",
             cold_stress=("cold_resistance", "cold_displacement"),
-            hot_stress=("hot_resistance", "hot_displacement"),
+            hot_stress=("hot_resistance", "hot_displacement", "hot_longer"),
         )
 
 

@@ -152,10 +152,10 @@ def learn(experiments: Sequence[Experiment], thermal_time_constant_s: float) -> 
     deviations = []
     power_W = np.median([p[3] for p in points[True]]) if points[True] else np.nan
     for hot, name in ((False, "cold"), (True, "hot")):
-        rows = np.array(points[hot]).reshape(-1, 5)
-        if hot:
-            rows = rows[np.abs(rows[:, 3] - power_W) <= 0.15 * power_W]
+        rows = np.array(points[hot]).reshape(-1, 6)
         rows = rows[np.isfinite(rows).all(axis=1)]
+        at_end = _at_end(rows, power_W, hot)
+        rows, between = rows[at_end], rows[~at_end]
         if len(rows) < 2:
             continue
         stress_Pa = clusters(rows[:, 0])
@@ -164,21 +164,56 @@ def learn(experiments: Sequence[Experiment], thermal_time_constant_s: float) -> 
         out[f"{name}_stress"] = rounded(middle[:, 0], 0)
         out[f"{name}_resistance"] = rounded(middle[:, 1], 6)
         out[f"{name}_displacement"] = rounded(middle[:, 2], 8)
+        if hot:
+            out["hot_power"] = float(power_W)
+            out["hot_to_go"] = round(float(np.sqrt(np.mean(rows[:, 4] ** 2))), 8)
+            out["hot_longer"] = _longer(between[np.abs(between[:, 3] / power_W - 1.0) <= AS_HOT], middle)
+        else:
+            out["cold_power"] = float(np.median(rows[:, 3]))
+        # What one that moves has yet to go is known of each by itself.
+        still = rows[rows[:, 5] <= TO_GO] if np.any(rows[:, 5] <= TO_GO) else rows
         deviations.append(
-            rows[:, 1:3] - np.column_stack([through(middle[:, 0], middle[:, k], rows[:, 0]) for k in (1, 2)])
+            still[:, 1:3] - np.column_stack([through(middle[:, 0], middle[:, k], still[:, 0]) for k in (1, 2)])
         )
     if deviations:
         together = np.concatenate(deviations)
         out["resistance_scatter"] = float(np.sqrt(np.mean(together[:, 0] ** 2)))
         out["displacement_scatter"] = float(np.sqrt(np.mean(together[:, 1] ** 2)))
-    if "hot_stress" in out:
-        out["hot_power"] = float(power_W)
-        out["hot_to_go"] = round(float(np.sqrt(np.mean(np.square([row[4] for row in points[True]])))), 8)
     return RestSection(**out)
 
 
+def _at_end(rows: np.ndarray, power_W: float, hot: bool) -> np.ndarray:
+    """Which rests are as hot as the hottest under their load that are about as hot as usual, or as cold as the coldest,
+    shape (n,); all where nobody knows what power makes a wire hot.
+
+    A wire that is held with some power between need be neither contracted nor cold.
+    """
+    if not len(rows) or not math.isfinite(power_W):
+        return np.ones(len(rows), dtype=bool)
+    about = np.flatnonzero(np.abs(rows[:, 3] - power_W) <= 0.15 * power_W) if hot else np.arange(len(rows))
+    stress_Pa = clusters(rows[about, 0])
+    nearest = np.argmin(np.abs(rows[about, :1] - stress_Pa), axis=1)
+    end_W = np.array([(np.max if hot else np.min)(rows[about[nearest == i], 3]) for i in range(len(stress_Pa))])
+    out = np.zeros(len(rows), dtype=bool)
+    out[about] = np.abs(rows[about, 3] - end_W[nearest]) <= ALIKE * power_W
+    return out
+
+
+def _longer(colder: np.ndarray, usual: np.ndarray) -> tuple[float, ...]:
+    """By how much rests with less power are longer than the ``usual`` ones, per watt less, at most [m/W]; under a load
+    where there are none as under the others, and nothing where there are none at all."""
+    if not len(colder):
+        return ()
+    nearest = np.argmin(np.abs(colder[:, :1] - usual[:, 0]), axis=1)
+    off_m = colder[:, 2] - through(usual[:, 0], usual[:, 2], colder[:, 0])
+    less_W = np.maximum(usual[nearest, 3] - colder[:, 3], ALIKE * usual[nearest, 3])
+    longer_m_W = np.abs(off_m) / less_W
+    there = (longer_m_W[nearest == i] for i in range(len(usual)))
+    return rounded(np.array([some.max() if len(some) else longer_m_W.max() for some in there]), 8)
+
+
 def _means_at(found: Sequence[tuple[Experiment, Rest]], thermal_time_constant_s: float) -> list[list[float]]:
-    """Stress, resistance, displacement and power of rests, and how far the displacement had yet to go.
+    """Stress, resistance, displacement and power of rests, how far the displacement had yet to go, and that as a share.
 
     A cold wire that creeps yet counts with the length that it goes to, a contracted one that grows warmer with the
     resistance: heated on and on, it would always shrink a little.
@@ -191,7 +226,7 @@ def _means_at(found: Sequence[tuple[Experiment, Rest]], thermal_time_constant_s:
         further = [rest.further(v, t.signals.time_s, thermal_time_constant_s) for v in values]
         goes_on = 1 if rest.hot else 2
         means[goes_on] += further[goes_on]
-        out.append([*means, further[2]])
+        out.append([*means, further[2], rest.to_go])
     return out
 
 
@@ -238,7 +273,8 @@ class Usual:
         known = np.ones(len(away), dtype=bool)
         warms = np.zeros(len(away))
         if not hot:
-            away = away + PER_KELVIN * np.abs(is_["warmer_K"] + is_["beside_W"] / self.heat_loss_W_K)
+            more_W = is_["heat_W"] - rest.cold_power if math.isfinite(rest.cold_power) else is_["beside_W"]
+            away = away + PER_KELVIN * np.abs(is_["warmer_K"] + more_W / self.heat_loss_W_K)
         elif math.isfinite(rest.hot_power):
             known = np.abs(is_["heat_W"] / rest.hot_power - 1.0) <= AS_HOT
             warmer_K = is_["warmer_K"] + (is_["heat_W"] - rest.hot_power) / self.heat_loss_W_K
@@ -247,6 +283,9 @@ class Usual:
                 expected[:, 0] += hot_end.contracted_slope * warmer_K
                 warms = WARMS_WITHIN * np.abs(hot_end.contracted_slope * warmer_K)
             to_go_m = to_go_m + rest.hot_to_go * np.maximum(1.0, np.abs(warmer_K) / TAIL_K)
+            if len(rest.hot_longer):
+                longer_m_W = np.interp(is_["stress_Pa"], rest.hot_stress, rest.hot_longer)
+                to_go_m = to_go_m + longer_m_W * np.maximum(rest.hot_power - is_["heat_W"], 0.0)
         away = np.hypot(away, to_go_m / self.stroke_m)
         squares = scatter**2 + (ranges * REPEATS) ** 2 + np.outer(away, ranges) ** 2 + bent**2
         # What training does to the length of a cold wire is known, but not what to its resistance.
