@@ -94,6 +94,11 @@ class Frame:
         return out
 
 
+def settled_s(elapsed_s: np.ndarray, time_constant_s: float) -> np.ndarray:
+    """For how long what settles moved as fast as at first, to be where it is [s]: ``τ (1 − e^(−t/τ))``."""
+    return -time_constant_s * np.expm1(-elapsed_s / time_constant_s)
+
+
 @jit
 def play(values: np.ndarray, state: np.ndarray, half_width: float, out: np.ndarray) -> None:
     """The play operator: ``out`` follows ``values`` only where they are ``half_width`` away; ``state`` (2,)."""

@@ -84,6 +84,12 @@ def shape(name: str, low: float, high: float, *starts: float, other_at: tuple[st
     return Free(name, low, high, 1.0, tuple(min(max(start, low), high) for start in starts), other_at=other_at)
 
 
+def settling(scales: Scales) -> Free:
+    """How slowly a zero that moves comes to rest: as electronics that warm up do, or not within the logs."""
+    slow_s = scales.duration_s
+    return shape("time_constant", 0.05 * slow_s, 5.0 * slow_s, 4.0 * slow_s, 0.6 * slow_s, 0.15 * slow_s)
+
+
 def too_slow(scales: Scales, what: str) -> str:
     """Why such readings do not show it; empty where they do."""
     if scales.period_s > SLOWEST_s:

@@ -9,8 +9,8 @@ import numpy as np
 from sma_actuator.base.parameters import parameter
 
 from .effect import EFFECTS, Effect
-from .frame import Frame, Place
-from .free import Free, Scales, size
+from .frame import Frame, Place, settled_s
+from .free import Free, Scales, settling, size
 
 
 @EFFECTS.register("load_cell_drift")
@@ -23,11 +23,12 @@ class LoadCellDrift(Effect):
     REMEDY = "Re-zero the load cell (~/tare_load) with nothing hanging on the wire, and let it warm up before."
     TELL_TALE = "time_s"
     offset: float = parameter(0.0, "load shown at no load when the session began", "N", -1e5, 1e5)
-    rate: float = parameter(0.0, "its change with time", "N/s", -1e3, 1e3)
+    rate: float = parameter(0.0, "its change with time, at first", "N/s", -1e3, 1e3)
+    time_constant: float = parameter(1e12, "how slowly it settles", "s", 1.0, 1e12)
 
     def measured(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """Take the zero's movement off."""
-        frame.load_N = frame.load_N - self.offset - self.rate * frame.elapsed_s
+        frame.load_N = frame.load_N - self.offset - self.rate * settled_s(frame.elapsed_s, self.time_constant)
 
     @classmethod
     def free(cls, scales: Scales) -> list[Free]:
@@ -35,6 +36,7 @@ class LoadCellDrift(Effect):
         return [
             size("offset", 2.0 * scales.load_N, 0.1 * scales.load_N),
             size("rate", 2.0 * scales.load_N / scales.duration_s, 0.1 * scales.load_N / scales.duration_s),
+            settling(scales),
         ]
 
     @classmethod

@@ -13,8 +13,8 @@ import numpy as np
 from sma_actuator.base.parameters import parameter
 
 from .effect import EFFECTS, Effect
-from .frame import Frame, Place
-from .free import Free, Scales, shape, size, too_slow
+from .frame import Frame, Place, settled_s
+from .free import Free, Scales, settling, shape, size, too_slow
 
 PAST = 1024  #: samples that a late channel is behind at the most: 10 s at 100 Hz
 
@@ -82,11 +82,13 @@ class ReferenceDrift(Effect):
     REMEDY = "Re-zero the reference sensor with the wire cold, and let it warm up before; the model is not at fault."
     TELL_TALE = "time_s"
     offset: float = parameter(0.0, "displacement shown too much when the session began", "m", -1.0, 1.0)
-    rate: float = parameter(0.0, "its change with time", "m/s", -1.0, 1.0)
+    rate: float = parameter(0.0, "its change with time, at first", "m/s", -1.0, 1.0)
+    time_constant: float = parameter(1e12, "how slowly it settles", "s", 1.0, 1e12)
 
     def shown(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """What the sensor shows."""
-        frame.displacement_m = frame.displacement_m + self.offset + self.rate * frame.elapsed_s
+        drift_m = self.offset + self.rate * settled_s(frame.elapsed_s, self.time_constant)
+        frame.displacement_m = frame.displacement_m + drift_m
 
     @classmethod
     def free(cls, scales: Scales) -> list[Free]:
@@ -95,6 +97,7 @@ class ReferenceDrift(Effect):
         return [
             size("offset", stroke_m, 0.02 * stroke_m),
             size("rate", stroke_m / scales.duration_s, 0.02 * stroke_m / scales.duration_s),
+            settling(scales),
         ]
 
 

@@ -226,6 +226,21 @@ def test_load_cell_effects_undo_zero_and_slope():
     np.testing.assert_allclose(gain.load_N * 1.2, arrays.load_N)
 
 
+@pytest.mark.parametrize("name", ["load_cell_drift", "reference_drift"])
+def test_a_zero_that_moves_may_come_to_rest_as_what_warms_up_does(name):
+    """By default it does not."""
+    arrays = signals()
+    settling, goes_on = (EFFECTS[name](rate=1e-3, **more) for more in ({"time_constant": 3.0}, {}))
+    drifts = []
+    for effect in (settling, goes_on):
+        frame = Frame.of(arrays, 0.0)
+        frame.displacement_m = np.zeros(len(arrays.time_s))
+        getattr(effect, "shown" if name == "reference_drift" else "measured")(frame, np.empty(0), PLACE)
+        drifts.append(frame.displacement_m if name == "reference_drift" else arrays.load_N - frame.load_N)
+    np.testing.assert_allclose(drifts[0], 3e-3 * (1.0 - np.exp(-arrays.time_s / 3.0)), atol=1e-15)
+    np.testing.assert_allclose(drifts[1], 1e-3 * arrays.time_s, atol=1e-12)
+
+
 def test_temperature_follows_the_heat_balance():
     """C dT/dt = P − h (T − T_amb) after a step of power: an exponential with the time constant C/h."""
     n, tau, step_W = 200, 2.0, 0.5
