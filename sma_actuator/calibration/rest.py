@@ -238,6 +238,7 @@ class AtRest:
     resistance_Ohm: np.ndarray  #: of a contracted wire: that it goes to
     displacement_m: np.ndarray  #: of a cold wire: that it goes to
     further_m: np.ndarray  #: how much of it there was yet to come
+    further_Ohm: np.ndarray  #: of a cold wire: how much further its resistance goes
     stress_Pa: np.ndarray
     since_Pa: np.ndarray  #: how much its load has changed since the wire came there
     heat_W: np.ndarray  #: that it loses
@@ -292,7 +293,7 @@ class Usual:
         changed_m = self.calibration.training.changed
         changed = np.array([changed_m / self.stroke_m * self.resistance_Ohm, self._changed_m(hot)])
         squares += (SPREAD * SINCE_THEN_WITHIN * changed) ** 2
-        squares[:, 0] += warms**2
+        squares[:, 0] += warms**2 + is_["further_Ohm"] ** 2
         shown = np.column_stack((is_["resistance_Ohm"], is_["displacement_m"]))
         return np.where(known[:, None], (shown - expected) / np.sqrt(squares), 0.0)
 

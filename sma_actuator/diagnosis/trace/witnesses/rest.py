@@ -69,6 +69,7 @@ class Rests(Witness):
             resistance_Ohm=windows.mean(p.resistance_Ohm) + np.where(windows.hot, further_Ohm, 0.0),
             displacement_m=windows.mean(measured_m - p.beside_m) + np.where(windows.hot, 0.0, further_m),
             further_m=further_m,
+            further_Ohm=np.where(windows.hot, 0.0, further_Ohm),
             stress_Pa=stress_Pa,
             since_Pa=stress_Pa - p.stress_Pa[self._on_its_way[number]],
             heat_W=windows.mean(p.heat_W),
