@@ -12,10 +12,11 @@ from .transformed import FALLS
 COLD_TIMES = 4.0
 
 #: What is remembered of the cold: what a wire showed when it last was; the most since it certainly had not contracted,
-#: ∞ where it may have; how long it has rested, in the longest time constants that it may have; and whether it is the
-#: calibrated wire: it may be (0), it is (1), or it was heated before that was known (-1).
-COLD_Ohm, MOST_Ohm, RESTED_times, IS_IT = range(4)
-SHOWN_COLD = 4
+#: ∞ where it may have; how long it has rested, in the longest time constants that it may have, and of that how long its
+#: resistance was seen; and whether it is the calibrated wire: it may be (0), it is (1), or it was heated before that
+#: was known (-1).
+COLD_Ohm, MOST_Ohm, RESTED_times, SEEN_times, IS_IT = range(5)
+SHOWN_COLD = 5
 
 
 @jit
@@ -43,9 +44,10 @@ def keep_cold(
     (:func:`begin_cold`).
     """
     if not rests:
-        state[first + RESTED_times] = 0.0
+        state[first + RESTED_times] = state[first + SEEN_times] = 0.0
     elif 0.0 <= times < inf:
         state[first + RESTED_times] += times
+        state[first + SEEN_times] += times if isfinite(shown_Ohm) else 0.0
     if not isfinite(shown_Ohm):
         return
     is_it = rests and is_cold and state[first + IS_IT] >= 0.0

@@ -31,7 +31,7 @@ from sma_actuator.base.jit import Floats, floats, jit
 from sma_actuator.base.sections import ThermalParameters
 
 from .ambient import Ambient
-from .cold import IS_IT, SHOWN_COLD, COLD_Ohm, MOST_Ohm, RESTED_times, begin_cold, keep_cold
+from .cold import COLD_TIMES, IS_IT, SHOWN_COLD, COLD_Ohm, MOST_Ohm, RESTED_times, SEEN_times, begin_cold, keep_cold
 from .cooling import ANEW, COOLING, begin_cooling, cooling_C
 from .transformed import (
     CAPACITY_WITHIN,
@@ -276,18 +276,20 @@ def _cools(
     alike: bool,
     until_cold: bool,
     cold_shown: bool,
+    was_seen: bool,
 ) -> bool:
     """Whether the wire is let cool: from its limit on, until it is colder than it transforms at.
 
-    A new one that shows what it is known to show cold is waited for until it is no hotter than it returns at, for two
-    looks at the most.  One that shows no more cold than contracted (``alike``) is told from that on its way alone: each
-    time it begins cold.
+    A new one is told by nothing before it was seen (``was_seen``), unless it is cold by then.  One that shows what it
+    is known to show cold is then waited for until it is no hotter than it returns at, for two looks at the most.  One
+    that shows no more cold than contracted (``alike``) is told from that on its way alone: each time it begins cold.
     """
     if alike and at_its_limit and not cools:
         state[_COLD + COLD_Ohm] = state[_COLD + MOST_Ohm] = inf
     is_new = state[_COLD + COLD_Ohm] == inf
-    looks = alike and state[_COLD + RESTED_times] < ANEW
-    waits = is_new and cold_shown and state[_COLD + RESTED_times] < 2.0 * ANEW
+    unseen = is_new and not was_seen and state[_COLD + RESTED_times] < COLD_TIMES
+    looks = unseen or (alike and state[_COLD + SEEN_times] < ANEW)
+    waits = is_new and cold_shown and state[_COLD + SEEN_times] < 2.0 * ANEW
     is_told = most_C < (returns_C if waits else transformed_C) and not looks and not (is_new and (alike or until_cold))
     return (cools or at_its_limit) and not is_told
 
@@ -330,6 +332,7 @@ def _heat_step(
     settled_C, same_load = ambient_C + power_W * margin / loss_W_K, not _is_other(load_N, state[_BY_ITSELF + _LOAD_N])
     returns_C = min(returns_at_most_C(return_C, stress_Pa, shifts_K_Pa[0], then_C), transformed_C)
     known_Ohm, may_be_it = cold_Ohm(transforms, stress_Pa), state[_COLD + IS_IT] >= 0.0
+    was_seen = isfinite(state[_BY_ITSELF + _SHOWN_Ohm])
     cold_shown = may_be_it and shows_cold(transforms, state[_BY_ITSELF + _SHOWN_Ohm], stress_Pa, known_Ohm)
     falls_C = cooling_C(
         state, _COOLING, resistance_Ohm, same_load, dt_s, settled_C, longest_s, slope_1_K, returns_C, cold_shown
@@ -349,7 +352,9 @@ def _heat_step(
     keep_cold(state, _COLD, measured_Ohm, dt_s / longest_s, rests, is_cold, at_most_C, transformed_C)
     at_its_limit = most_C > max_C - HEADROOM_K - AT_LIMIT_K and at_most_C < shown_C
     alike = shown_Ohm < just_contracted_Ohm and shows_cold_no_more(known_Ohm, just_contracted_Ohm)
-    cools = _cools(state, cools, at_its_limit, most_C, returns_C, transformed_C, alike, until_cold, cold_shown)
+    cools = _cools(
+        state, cools, at_its_limit, most_C, returns_C, transformed_C, alike, until_cold, cold_shown, was_seen
+    )
     shown_W_K = shown_loss_W_K(state, _SHOWN, wire_W, dt_s, most_C - coldest_C, capacity_J_K, loss_W_K)
     shown_W_K *= turned(state, _TURNED, load_N, dt_s) <= MOST_TURNS
     return likely_C, most_C, guessed_K, cools, SUDDENLY * shown_W_K, margin

@@ -10,7 +10,7 @@ from calibrated import CALIBRATION
 from sma_actuator.base.jit import floats
 from sma_actuator.config import Config
 from sma_actuator.safety.ambient import Ambient, AMBIENT_FALL_K_s
-from sma_actuator.safety.cold import COLD_TIMES, SHOWN_COLD, COLD_Ohm, begin_cold, keep_cold
+from sma_actuator.safety.cold import COLD_TIMES, SHOWN_COLD, COLD_Ohm, RESTED_times, begin_cold, keep_cold
 from sma_actuator.safety.thermal import (
     _COLD,
     LATENT_K,
@@ -460,8 +460,18 @@ class TestAnotherWireInThePlaceOfTheCalibratedOne:
         """And any other to where it transforms: 110 °C lie between the two here."""
         state = floats(64)
         state[_COLD + COLD_Ohm] = math.inf
-        assert _cools(state, True, False, 110.0, 90.0, 150.0, False, False, shown) == shown
-        assert not _cools(state, True, False, 89.0, 90.0, 150.0, False, False, shown)
+        assert _cools(state, True, False, 110.0, 90.0, 150.0, False, False, shown, True) == shown
+        assert not _cools(state, True, False, 89.0, 90.0, 150.0, False, False, shown, True)
+
+    @pytest.mark.parametrize("was_seen", [False, True])
+    def test_nothing_is_told_of_one_before_it_is_seen_unless_it_is_cold_by_then(self, was_seen):
+        """With its output off for a while it has cooled; what it shows cold has to be looked at all the same."""
+        state = floats(64)
+        state[_COLD + COLD_Ohm] = math.inf
+        state[_COLD + RESTED_times] = COLD_TIMES - 0.1
+        assert _cools(state, True, False, 89.0, 90.0, 150.0, False, False, False, was_seen) != was_seen
+        state[_COLD + RESTED_times] = COLD_TIMES
+        assert not _cools(state, True, False, 89.0, 90.0, 150.0, False, False, False, was_seen)
 
     def test_whose_resistance_stands_is_no_hotter_than_it_transforms_at_as_long_as_that_stands(self, run):
         """Austenite's would fall as it cools, and rise as it warms."""
@@ -485,6 +495,28 @@ def test_a_wire_may_be_kept_colder_than_any_transforms_at(parameters, max_C):
     state = WireHeat(parameters)._state
     as_plain_python = getattr(_transforms_Ohm, "py_func", _transforms_Ohm)
     assert as_plain_python(state, 150.0, 150.0, max_C, 4.4, 4.4, 5.0) == math.inf  # nor was it seen cold
+
+
+@pytest.mark.parametrize("off_s", [0.0, 2.0, 10.0])
+def test_a_wire_is_seen_cold_before_it_is_heated_however_long_it_was_off(parameters, off_s):
+    """After two seconds it is no hotter than any transforms at, after ten no hotter than this one returns at."""
+    heat = WireHeat(parameters)
+    heat.transforms = Transforms(CALIBRATION, parameters)
+    cold_Ohm = CALIBRATION.rest.cold_resistance[0]
+
+    def step(resistance_Ohm):
+        heat.step(
+            0.0, 0.05, math.nan, parameters, resistance_Ohm, 1.0, 5.0, 4.6, stress_Pa=CALIBRATION.rest.cold_stress[0]
+        )
+
+    for _ in range(round(off_s / 0.05)):
+        step(math.nan)
+    seconds = 0.0
+    while heat.cools:
+        step(cold_Ohm)
+        seconds += 0.05
+    assert heat._state[_COLD + COLD_Ohm] == pytest.approx(cold_Ohm)
+    assert seconds < 3.0
 
 
 class TestOwnThermometer:
@@ -594,6 +626,7 @@ def test_at_its_limit_and_without_a_word_of_its_resistance_a_wire_is_let_cool_un
     heat = WireHeat(parameters)
     assert heat.cools
     assert heat.power_limit_W(1.0, parameters) == 0.0
+    heat.step(0.0, 0.05, math.nan, parameters, 5.0)
     seconds = 0.0
     while heat.cools:
         heat.step(0.0, 0.05, math.nan, parameters)
