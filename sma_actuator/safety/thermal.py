@@ -331,6 +331,8 @@ def _heat_step(
     longest_s = capacity_J_K * margin / loss_W_K
     settled_C, same_load = ambient_C + power_W * margin / loss_W_K, not _is_other(load_N, state[_BY_ITSELF + _LOAD_N])
     returns_C = min(returns_at_most_C(return_C, stress_Pa, shifts_K_Pa[0], then_C), transformed_C)
+    # Where any wire has returned by then that says nothing; this one's without a load, which is lower, does.
+    cold_C = returns_C if returns_C < transformed_C else min(return_C, transformed_C)
     known_Ohm, may_be_it = cold_Ohm(transforms, stress_Pa), state[_COLD + IS_IT] >= 0.0
     was_seen = isfinite(state[_BY_ITSELF + _SHOWN_Ohm])
     cold_shown = may_be_it and shows_cold(transforms, state[_BY_ITSELF + _SHOWN_Ohm], stress_Pa, known_Ohm)
@@ -347,14 +349,12 @@ def _heat_step(
     )
     most_C, likely_C = min(at_most_C, shown_C, own_C), min(likely_C, shown_C)
     shown_Ohm, rests = state[_BY_ITSELF + _SHOWN_Ohm], cools or power_W * margin <= REST_K * loss_W_K
-    is_cold = cold_shown and at_most_C <= returns_C < transformed_C
+    is_cold = cold_shown and at_most_C <= cold_C < transformed_C
     measured_Ohm = shown_Ohm if isfinite(resistance_Ohm) else nan
     keep_cold(state, _COLD, measured_Ohm, dt_s / longest_s, rests, is_cold, at_most_C, transformed_C)
     at_its_limit = most_C > max_C - HEADROOM_K - AT_LIMIT_K and at_most_C < shown_C
     alike = shown_Ohm < just_contracted_Ohm and shows_cold_no_more(known_Ohm, just_contracted_Ohm)
-    cools = _cools(
-        state, cools, at_its_limit, most_C, returns_C, transformed_C, alike, until_cold, cold_shown, was_seen
-    )
+    cools = _cools(state, cools, at_its_limit, most_C, cold_C, transformed_C, alike, until_cold, cold_shown, was_seen)
     shown_W_K = shown_loss_W_K(state, _SHOWN, wire_W, dt_s, most_C - coldest_C, capacity_J_K, loss_W_K)
     shown_W_K *= turned(state, _TURNED, load_N, dt_s) <= MOST_TURNS
     return likely_C, most_C, guessed_K, cools, SUDDENLY * shown_W_K, margin

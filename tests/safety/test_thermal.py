@@ -497,11 +497,14 @@ def test_a_wire_may_be_kept_colder_than_any_transforms_at(parameters, max_C):
     assert as_plain_python(state, 150.0, 150.0, max_C, 4.4, 4.4, 5.0) == math.inf  # nor was it seen cold
 
 
+@pytest.mark.parametrize("shift_K_Pa", [3e-7, 12e-7], ids=["", "heavy"])
 @pytest.mark.parametrize("off_s", [0.0, 2.0, 10.0])
-def test_a_wire_is_seen_cold_before_it_is_heated_however_long_it_was_off(parameters, off_s):
-    """After two seconds it is no hotter than any transforms at, after ten no hotter than this one returns at."""
+def test_a_wire_is_seen_cold_before_it_is_heated_however_long_it_was_off(parameters, off_s, shift_K_Pa):
+    """After two seconds it is no hotter than any transforms at, after ten no hotter than this one returns at; under a
+    load that has it return above 150 °C too."""
     heat = WireHeat(parameters)
-    heat.transforms = Transforms(CALIBRATION, parameters)
+    power = replace(CALIBRATION.power, transformation_cooling=(70.0, 60.0), transformation_shift=(shift_K_Pa, 1e-7))
+    heat.transforms = Transforms(replace(CALIBRATION, power=power), parameters)
     cold_Ohm = CALIBRATION.rest.cold_resistance[0]
 
     def step(resistance_Ohm):
