@@ -132,9 +132,8 @@ def off_K(other_K: float, rise_K: float, memory: Floats) -> tuple[float, float]:
     if not memory[_FOLLOWS]:
         still_K, still_K2, _, _, _, _ = _by_air(NO_NEWS, makes, memory)
         return still_K, sqrt(still_K2)
-    astray = 1.0 if isnan(other_K) else ASTRAY
+    astray, same = (1.0, 0.0) if isnan(other_K) else (ASTRAY, SAME)
     odds = mean_K = square_K2 = first = 0.0
-    same = 0.0 if isnan(other_K) else SAME
     for air_K, share in ((UNMEASURED_K, astray), (SENSOR_K, 1.0 - astray - same), (SAME_K, same)):
         still_K, still_K2, speaks, draught_K, draught_K2, more = _by_air(air_K, makes, memory)
         if odds == 0.0:
