@@ -10,14 +10,16 @@ austenite the fraction formed is ``v``; both fall from 1 to 0 as the temperature
   so that stress moves the tails otherwise than the middle; minor loops as above.  :mod:`.measured` has the numbers;
 - :class:`SmoothHardening`: the power-law hardening of D. Lagoudas, D. Hartl, Y. Chemisky, L. Machado, P. Popov,
   Int. J. Plast. 32-33 (2012) 155: along a band the temperature goes as ½ [1 + ξ^n − (1 − ξ)^m]; after a turn the
-  fraction stands until the other transformation surface is reached, as in every model with a yield surface.
+  fraction stands until the other transformation surface is reached, as in every model with a yield surface;
+- :class:`Activated`: grains of which each crosses its own barrier by thermal activation (I. Müller, S. Seelecke, Math.
+  Comput. Model. 34 (2001) 1307): the fraction lags behind a temperature that moves and creeps on where it stands.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from math import cos, exp, pi
+from math import cos, exp, expm1, pi
 from typing import NamedTuple
 
 import numpy as np
@@ -33,16 +35,23 @@ DIRECTION, LEAST, OTHER, HEATING_TURNS, COOLING_TURNS = range(5)
 _HEATING_LIST, _COOLING_LIST = 5, 5 + 2 * DEPTH
 _MEMORY = 5 + 4 * DEPTH
 
-LIANG_ROGERS, MEASURED, SMOOTH_HARDENING = range(3)  # families, as the kernels know them
+LIANG_ROGERS, MEASURED, SMOOTH_HARDENING, ACTIVATED = range(4)  # families, as the kernels know them
 # What the kernels read of a kinetics is one array of two rows; a family reads what it needs of the columns.
 HEATING, COOLING = range(2)
 PARTS = 3  #: logistics in a row of a measured distribution
+GRAINS = 96  #: of an activated kinetics
 TABLE = 1024  #: intervals in a row of a hardening law, from the cold end of the band to the hot one
 START_C, FINISH_C, SLOPE_K_Pa, FIRST_PART = range(4)
 WEIGHT, CENTRE_C, WIDTH_K, PART_SLOPE_K_Pa = range(4)  # of each part
 PART_COLUMNS = 4
 FIRST_KNOT = FIRST_PART + PARTS * PART_COLUMNS
 _COLUMNS = FIRST_KNOT + TABLE + 1
+# Of an activated kinetics: the barriers of both rows at no stress; in the first row then what the grains' shares are,
+# and the three numbers of a rate.
+FIRST_GRAIN, _FIRST_SHARE = FIRST_KNOT, FIRST_KNOT + GRAINS
+_PER_K, _ATTEMPTS_1_s, _CROSSING_s = range(FIRST_KNOT + 2 * GRAINS, FIRST_KNOT + 2 * GRAINS + 3)
+#: Grains stand equally far apart on a logistic, out to so many of its widths.
+_GRAINS_OUT_TO = 6.0
 
 
 class Shift(NamedTuple):
@@ -175,7 +184,34 @@ class SmoothHardening:
         return bands
 
 
-Kinetics = LiangRogers | Measured | SmoothHardening
+@dataclass(frozen=True, slots=True)
+class Activated:
+    """Grains, each with a barrier on heating and one on cooling: the percentiles of a distribution, rank by rank.
+
+    Beyond its barrier by ``x`` [K] what of a grain has not transformed yet does at a rate of 1 / (exp(−x / per) /
+    attempts + crossing).  Under stress all barriers rise as the steepest part of the distribution does.
+    """
+
+    barriers: Measured
+    per_K: float  #: so much hotter it crosses e times as often
+    attempts_1_s: float  #: at the barrier
+    crossing_s: float  #: the least time that it takes to go through a grain; above 0
+
+    family = ACTIVATED
+
+    def bands(self) -> np.ndarray:
+        """For the kernels."""
+        bands = self.barriers.bands()
+        edges = 1.0 / (1.0 + np.exp(np.linspace(_GRAINS_OUT_TO, -_GRAINS_OUT_TO, GRAINS + 1)))
+        edges[0], edges[-1] = 0.0, 1.0
+        bands[HEATING, _FIRST_SHARE : _FIRST_SHARE + GRAINS] = np.diff(edges)
+        for i, rank in enumerate(0.5 * (edges[:-1] + edges[1:])):
+            bands[:, FIRST_GRAIN + i] = self.barriers.quantiles_C(rank)
+        bands[HEATING, [_PER_K, _ATTEMPTS_1_s, _CROSSING_s]] = self.per_K, self.attempts_1_s, self.crossing_s
+        return bands
+
+
+Kinetics = LiangRogers | Measured | SmoothHardening | Activated
 
 
 def hardening_way(fraction: np.ndarray, n: float, m: float) -> np.ndarray:
@@ -260,7 +296,7 @@ def hardened(bands, row, temperature_C, cold_C, hot_C):
 @inlined
 def band_fraction(family, bands, row, temperature_C, stress_Pa):
     """Fraction of martensite on the outer loop: ``u`` of the row ``HEATING``, ``v`` of ``COOLING``."""
-    if family == MEASURED:
+    if family in (MEASURED, ACTIVATED):
         return distribution(bands, row, temperature_C, stress_Pa)
     t = temperature_C - stress_Pa * bands[row, SLOPE_K_Pa]
     cold_C = bands[row, START_C] if row == HEATING else bands[row, FINISH_C]
@@ -270,8 +306,10 @@ def band_fraction(family, bands, row, temperature_C, stress_Pa):
     return hardened(bands, row, t, cold_C, hot_C)
 
 
-def new_memory(fraction: float) -> np.ndarray:
+def new_memory(fraction: float, family: int = LIANG_ROGERS) -> np.ndarray:
     """The memory of a transformation that stands, fully cooled (1) or fully heated (0)."""
+    if family == ACTIVATED:
+        return np.full(GRAINS, fraction)
     memory = np.zeros(_MEMORY)
     memory[[DIRECTION, LEAST, OTHER]] = (-1.0 if fraction == 1.0 else 1.0), 0.0, 1.0
     return memory
@@ -354,10 +392,47 @@ def transform(memory, fraction, u, v, commit):
     return left if heating else 1.0 - left
 
 
+@jit
+def settled(bands, memory, temperature_C, stress_Pa, shift):
+    """Fraction of martensite of grains that came from the hot end and have no barrier left to cross; ``memory`` is what
+    of each is martensite."""
+    fraction = 0.0
+    for i in range(GRAINS):
+        barrier_C = bands[COOLING, FIRST_GRAIN + i] + stress_Pa * bands[COOLING, SLOPE_K_Pa] + shift.cooling_K
+        memory[i] = 1.0 if temperature_C < barrier_C else 0.0
+        fraction += bands[HEATING, _FIRST_SHARE + i] * memory[i]
+    return fraction
+
+
+@jit
+def crossed(bands, memory, temperature_C, stress_Pa, shift, step_s):
+    """Fraction of martensite after so long at a temperature and a stress; ``memory`` is what of each grain is it."""
+    per_K, attempts_1_s, crossing_s = bands[HEATING, _PER_K], bands[HEATING, _ATTEMPTS_1_s], bands[HEATING, _CROSSING_s]
+    hot_K = temperature_C - stress_Pa * bands[HEATING, SLOPE_K_Pa] - shift.heating_K
+    cold_K = temperature_C - stress_Pa * bands[COOLING, SLOPE_K_Pa] - shift.cooling_K
+    fraction = 0.0
+    for i in range(GRAINS):
+        to_austenite_1_s = 1.0 / (
+            exp(min((bands[HEATING, FIRST_GRAIN + i] - hot_K) / per_K, 300.0)) / attempts_1_s + crossing_s
+        )
+        to_martensite_1_s = 1.0 / (
+            exp(min((cold_K - bands[COOLING, FIRST_GRAIN + i]) / per_K, 300.0)) / attempts_1_s + crossing_s
+        )
+        both_1_s = to_austenite_1_s + to_martensite_1_s
+        memory[i] += (to_martensite_1_s / both_1_s - memory[i]) * -expm1(-step_s * both_1_s)
+        fraction += bands[HEATING, _FIRST_SHARE + i] * memory[i]
+    return fraction
+
+
 @inlined
 def martensite_after(family, bands, memory, fraction, temperature_C, stress_Pa, shift, commit):
     """Fraction of martensite after the wire came to a temperature and a stress; ``memory`` changes only if
-    ``commit``."""
+    ``commit``.
+
+    An activated one takes time (:func:`crossed`): at once it changes nothing, and to be committed is to settle.
+    """
+    if family == ACTIVATED:
+        return settled(bands, memory, temperature_C, stress_Pa, shift) if commit else fraction
     heating = memory[DIRECTION] > 0.0
     hot_C = temperature_C - shift.heating_K
     cold_C = temperature_C - shift.cooling_K

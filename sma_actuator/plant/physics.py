@@ -17,11 +17,13 @@ from sma_actuator.base.jit import inlined, jit
 
 from .closing import close_in
 from .kinetics import (
+    ACTIVATED,
     COOLING,
     MEASURED,
     START_C,
     Shift,
     SLOPE_K_Pa,
+    crossed,
     half_cosine,
     logistic,
     martensite_after,
@@ -265,7 +267,7 @@ def martensite_at(x, bands, memory, fraction, temperature_C, stress_Pa, shift, c
 @inlined
 def _r_band(x, temperature_C):
     """Share of R-phase along its band, as smooth as the kinetics of the martensite."""
-    if x.family == MEASURED:
+    if x.family in (MEASURED, ACTIVATED):
         return logistic(temperature_C, 0.5 * (x.rs_C + x.rf_C), LOGISTIC_OF_BAND * (x.rs_C - x.rf_C))
     return half_cosine(temperature_C, x.rf_C, x.rs_C)
 
@@ -472,14 +474,16 @@ def _heat(c, whole, cells, through_A, stress_Pa, loss_W_K, ambient_C, step_s):
 
 
 @inlined
-def _transform(x, bands, cells, memory_m, memory_r, stress_Pa, shift):
-    """Temperature and phases of every cell from its heat."""
+def _transform(x, bands, cells, memory_m, memory_r, stress_Pa, shift, step_s):
+    """Temperature and phases of every cell from its heat; what takes time to transform has had ``step_s``."""
     for j in range(cells.shape[0]):
         of_m = memory_m[j]
         of_r = memory_r[j]
         martensite = cells[j, CELL_MARTENSITE]
         r_share = cells[j, CELL_R_SHARE]
         before_C = cells[j, CELL_TEMPERATURE]
+        if x.family == ACTIVATED:
+            martensite = crossed(bands, of_m, before_C, stress_Pa, shift, step_s)
         enthalpy = cells[j, CELL_ENTHALPY]
         slope = cells[j, CELL_SLOPE_J_K]
         held = enthalpy_of(x, martensite, r_share, before_C)
@@ -487,7 +491,9 @@ def _transform(x, bands, cells, memory_m, memory_r, stress_Pa, shift):
         if abs(t - before_C) > 1e-9:
             cells[j, CELL_SLOPE_J_K] = max((enthalpy - held) / (t - before_C), x.heat_capacity_J_K)
         cells[j, CELL_TEMPERATURE] = t
-        cells[j, CELL_MARTENSITE] = martensite_at(x, bands, of_m, martensite, t, stress_Pa, shift, True)
+        if x.family != ACTIVATED:
+            martensite = martensite_at(x, bands, of_m, martensite, t, stress_Pa, shift, True)
+        cells[j, CELL_MARTENSITE] = martensite
         cells[j, CELL_R_SHARE] = r_share_at(x, bands, of_r, r_share, t, stress_Pa, shift, True)
 
 
@@ -606,7 +612,7 @@ def simulate(steps, step_s, c, wire, inputs, ring, first):
         state[POWER] = through * through * state[RESISTANCE]
         stress = state[LOAD] / c.area_m2
         _heat(c, state, cells, through, stress, loss, ambient, step_s)
-        _transform(c.transformation, bands, cells, memory_m, memory_r, stress, shift_of(c, state[CYCLES]))
+        _transform(c.transformation, bands, cells, memory_m, memory_r, stress, shift_of(c, state[CYCLES]), step_s)
         _mechanics(c, state, cells, inputs[FORCE], inputs[STIFFNESS], inputs[SPRING_AT])
         state[TIME] += step_s
         row = write_sample(state, ambient, ring, row)
@@ -637,7 +643,7 @@ def empty_state(wire: Specimen, cells: int, columns: int) -> WireState:
     return WireState(
         whole=np.zeros(STATES),
         cells=np.zeros((cells, columns)),
-        memory_m=np.array([new_memory(0.0) for _ in range(cells)]),
+        memory_m=np.array([new_memory(0.0, wire.kinetics.family) for _ in range(cells)]),
         memory_r=np.array([new_memory(0.0) for _ in range(cells)]),
         bands=wire.kinetics.bands(),
     )
