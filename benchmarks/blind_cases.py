@@ -22,21 +22,24 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 from zlib import crc32
 
 import numpy as np
 from kept import BENCH, MODEL, kept
-from replay_tables import CALIBRATION, TRAINED, logs_of
 from rich.console import Console
 from rich.table import Table
 
-from sma_actuator.bench import InProcessDaq, InProcessSupply, Schedule, Spring, VirtualClock, Weight
+from sma_actuator.base.share import shared_file
+from sma_actuator.bench import InProcessDaq, InProcessSupply, Schedule, Spring, VirtualBench, VirtualClock, Weight
 from sma_actuator.bench.hidden import FOREIGN, TWINS, hidden_effects
 from sma_actuator.bench.hidden.hiding import HiddenBench
-from sma_actuator.characterise import Rig
+from sma_actuator.characterise import PlanOptions, Rig, characterise, make_plan
+from sma_actuator.characterise.operators import BenchOperator
 from sma_actuator.characterise.plan import default_heat_current_A
 from sma_actuator.characterise.programs import Drive
-from sma_actuator.config import Config, bench_from_mapping
+from sma_actuator.characterise.session import BENCH_FILE
+from sma_actuator.config import Config, bench_from_mapping, read_parameter_file
 from sma_actuator.identify import identify
 from sma_actuator.logs.bench_log import BenchLog, read_bench_log, write_bench_log
 from sma_actuator.logs.files import write_atomically
@@ -53,7 +56,9 @@ LOAD_EFFECTS = ("load_cell_drift", "load_cell_gain", "elastic_compliance", "cree
 LOG_s, PAUSE_s = 230.0, 60.0
 SESSION_s = 2 * LOG_s + PAUSE_s
 ANOTHER = 100_000  #: between the seeds of the sessions of one case
-USED = 2.5 * TRAINED  #: cycles a wire has done when a session begins: trained, calibrated, and used a little
+CHARACTERISED = PlanOptions(levels=6)  #: all that `sma-actuator characterise` measures where nobody chooses
+FITTED = ("p*.csv", "levels_*.csv")  #: of that, what the README gives to `identify`
+USED = 20.0  #: cycles a wire has done since it was characterised when a session begins
 LADDER_N = (0.98, 1.47, 0.49, 1.18, 1.96, 0.69, 1.67, 0.49, 1.37, 0.78, 1.96)
 
 #: What strength 1 is, in the effect's unit, for each alloy.
@@ -120,16 +125,37 @@ class Case:
     sessions: int = 1  #: each under another load and with another seed; every clock begins at nothing
 
 
+class Calibrated(NamedTuple):
+    """What ``characterise`` leaves of a new wire."""
+
+    logs: list[BenchLog]
+    mapping: dict  #: its calibrated parameters
+    cycles: float  #: that it has done by then, in training too
+
+
 @functools.cache
-def calibration(alloy: str, physics: str = HOME) -> tuple[list[BenchLog], dict]:
-    """Calibration logs of the wire without hidden effects, and its calibrated parameters."""
-    return kept(f"calibration {alloy} {physics}", BENCH, lambda: logs_of(alloy, CALIBRATION, seed=1, physics=physics))
+def calibration(alloy: str, physics: str = HOME) -> Calibrated:
+    """A wire without hidden effects, characterised as the README says."""
+    return kept(f"calibration {alloy} {physics}", BENCH, lambda: _characterised(alloy, physics))
+
+
+def _characterised(alloy: str, physics: str) -> Calibrated:
+    mapping = read_parameter_file(shared_file(f"config/{alloy}_bench.yaml"))
+    config = bench_from_mapping(mapping)
+    bench = VirtualBench.from_name(alloy, seed=1, physics=physics)
+    rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
+    operator = BenchOperator(bench, config.wire.max_stress * config.wire.area_m2)
+    with tempfile.TemporaryDirectory(prefix="sma_blind_") as name:
+        folder = Path(name)
+        characterise(mapping, make_plan(config, CHARACTERISED), rig, operator, folder)
+        logs = [read_bench_log(path) for pattern in FITTED for path in sorted(folder.glob(pattern))]
+        return Calibrated(logs, read_parameter_file(folder / BENCH_FILE), bench.cycles)
 
 
 @functools.cache
 def identified(alloy: str, physics: str = HOME) -> Config:
     """The model identified on the calibration logs."""
-    logs, mapping = calibration(alloy, physics)
+    logs, mapping, _ = calibration(alloy, physics)
     found = kept(f"identified {alloy} {physics}", MODEL, lambda: identify(logs, mapping, alloy).mapping)
     return Config.from_mapping(found)
 
@@ -246,7 +272,8 @@ def make_logs(case: Case, folder: Path) -> list[Path]:
 
 
 def _session(case: Case) -> list[BenchLog]:
-    config = bench_from_mapping(calibration(case.alloy, case.physics)[1])
+    before = calibration(case.alloy, case.physics)
+    config = bench_from_mapping(before.mapping)
     bench = HiddenBench.from_name(
         case.alloy,
         seed=case.seed,
@@ -254,7 +281,7 @@ def _session(case: Case) -> list[BenchLog]:
         physics=case.physics,
         hidden=case.hidden,
         session_s=SESSION_s,
-        cycles=USED,
+        cycles=before.cycles + USED,
     )
     rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
     wire = {"alloy": config.wire.alloy, "length_m": config.wire.length, "diameter_m": config.wire.diameter}

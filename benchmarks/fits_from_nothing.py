@@ -134,7 +134,7 @@ def judge(case: Case, config: Config, model: str) -> Found | str:
 
 def identified(alloy: str, physics: str, model: str) -> Config:
     """A model of the wire without hidden effects."""
-    logs, mapping = calibration(alloy, physics)
+    logs, mapping, _ = calibration(alloy, physics)
     kind = alloy if model == THESIS else model
     return Config.from_mapping(
         kept(f"identified {alloy} {physics} {kind}", MODEL, lambda: identify(logs, mapping, kind).mapping)
