@@ -73,8 +73,10 @@ def truth(case: Case, scales: Scales) -> dict[str, float]:
         "voltage_offset": {"offset": strength},
         "reference_self_heating": {"coefficient": strength, "time_constant": tau_s},
         "shunt": {"conductance": strength},
+        "sense_resistance": {"change": strength},
         "load_cell_drift": {"offset": strength * first, "rate": strength * (1.0 - first) / SESSION_s},
         "load_cell_gain": {"gain": strength},
+        "load_cell_nonlinearity": {"bend": strength},
         "heat_loss": {"change": strength},
         "self_heating": {"temperature_coefficient": strength},
         "ambient_temperature": {"difference": strength},
@@ -97,12 +99,17 @@ def truth(case: Case, scales: Scales) -> dict[str, float]:
         "backlash": {"width": strength},
         "reference_lag": {"time_constant": strength},
         "reference_gain": {"gain": strength},
+        "reference_nonlinearity": _bend(strength, *getattr(twin, "between_m", (0.0, 1.0))),
         "reference_drift": {"rate": strength / SESSION_s},
         "first_pulse_set": {"length": strength},
         "current_feedthrough": {"coupling": strength},
         "channel_delay": {"delay": strength},
     }
     return known[name]
+
+
+def _bend(middle_m: float, low_m: float, high_m: float) -> dict[str, float]:
+    return {"bend": -4.0 * middle_m / (high_m - low_m) ** 2, "low": low_m, "high": high_m}
 
 
 def _gain(rows: Rows, c: Candidate, known: Mapping[str, dict[str, float]] | None = None) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from sma_actuator.bench.bench import STEP_s
 from sma_actuator.plant import physics
 
-from .effect import FOREIGN, LOAD, POSITION, VOLTAGE, Hidden
+from .effect import FOREIGN, POSITION, VOLTAGE, Hidden
 from .shapes import stick
 
 
@@ -115,16 +115,6 @@ class ClockSkew(Hidden):
         at = np.arange(len(self.past), len(known)) - late_s / STEP_s
         rows[:, POSITION] = np.interp(at, np.arange(len(known)), known)
         self.past = known[-keep:]
-
-
-@FOREIGN.register("load_cell_nonlinearity")
-class LoadCellNonlinearity(Hidden):
-    """The load cell bends: it shows F + s F²."""
-
-    unit, where = "1/N", "load cell"
-
-    def read(self, rows, time_s):
-        rows[:, LOAD] += self.strength * rows[:, LOAD] ** 2
 
 
 @FOREIGN.register("cross_talk")

@@ -49,6 +49,19 @@ class VoltageOffset(Hidden):
         rows[:, VOLTAGE] += self.strength
 
 
+@TWINS.register("sense_resistance")
+class SenseResistance(Hidden):
+    """The sense resistor was changed, or has aged: its resistance is another by the strength, relatively."""
+
+    unit, where = "1", "circuit"
+
+    def drive(self, inputs, time_s):
+        inputs[physics.MORE_SERIES] += self.strength * self.bench.setup.chain.reference_resistance_Ohm
+
+    def read(self, rows, time_s):
+        rows[:, CURRENT] *= 1.0 + self.strength
+
+
 @TWINS.register("reference_self_heating")
 class ReferenceSelfHeating(Hidden):
     """The sense resistor warms with what it dissipates, so its resistance and its voltage rise."""
@@ -103,6 +116,16 @@ class LoadCellGain(Hidden):
 
     def read(self, rows, time_s):
         rows[:, LOAD] *= 1.0 + self.strength
+
+
+@TWINS.register("load_cell_nonlinearity")
+class LoadCellNonlinearity(Hidden):
+    """The load cell bends: it shows F + s F²."""
+
+    unit, where = "1/N", "load cell"
+
+    def read(self, rows, time_s):
+        rows[:, LOAD] += self.strength * rows[:, LOAD] ** 2
 
 
 # --- wire ----------------------------------------------------------------------------------------
@@ -306,6 +329,22 @@ class ReferenceGain(Hidden):
 
     def read(self, rows, time_s):
         rows[:, POSITION] *= 1.0 + self.strength
+
+
+@TWINS.register("reference_nonlinearity")
+class ReferenceNonlinearity(Hidden):
+    """The displacement sensor bends by the strength in the middle between two places near the ends of a stroke of
+    4 mm, where it was calibrated."""
+
+    unit, where = "m", "reference"
+
+    def draw(self, rng):
+        self.between_m = rng.uniform(-0.3e-3, 0.6e-3), rng.uniform(3.4e-3, 4.6e-3)
+
+    def read(self, rows, time_s):
+        first_m, last_m = self.between_m
+        share = (rows[:, POSITION] - first_m) / (last_m - first_m)
+        rows[:, POSITION] += self.strength * (1.0 - (2.0 * share - 1.0) ** 2)
 
 
 @TWINS.register("reference_drift")

@@ -69,3 +69,34 @@ class LoadCellGain(Effect):
     def untestable(cls, scales: Scales) -> str:
         """Why logs could not show it."""
         return "" if scales.model_feels_stress else "the model hardly depends on stress at this load"
+
+
+@EFFECTS.register("load_cell_nonlinearity")
+@dataclass(frozen=True, slots=True)
+class LoadCellNonlinearity(Effect):
+    """The load cell bends: it shows ``F + b F²``, so its slope is right for small loads only."""
+
+    PART = "load cell"
+    WORDS = "the load cell is not straight: it shows large loads too large or too small"
+    REMEDY = "Calibrate the load cell with three or more known masses, up to the largest load; renew one that bends."
+    TELL_TALE = "stress_Pa"
+    bend: float = parameter(0.0, "load shown too much per load squared", "1/N", -1e3, 1e3)
+
+    def measured(self, frame: Frame, state: np.ndarray, place: Place) -> None:
+        """The load of which it shows this."""
+        inside = np.maximum(1.0 + 4.0 * self.bend * frame.load_N, 0.0)  # beyond, no load shows so much
+        frame.load_N = 2.0 * frame.load_N / (1.0 + np.sqrt(inside))
+
+    @classmethod
+    def free(cls, scales: Scales) -> list[Free]:
+        """What a fit may vary."""
+        # Where 1 + 4bF vanishes no more load is shown: a fit that came beyond would stay there.
+        most_N = scales.load_N + scales.load_range_N
+        return [size("bend", 0.6 / scales.load_N, 0.1 / scales.load_N, -0.24 / most_N)]
+
+    @classmethod
+    def untestable(cls, scales: Scales) -> str:
+        """Why logs could not show it."""
+        if not scales.model_feels_stress:
+            return "the model hardly depends on stress at this load"
+        return "" if scales.loads_differ else "under one load a bent load cell shows too much in proportion, as any"

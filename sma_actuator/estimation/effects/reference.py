@@ -72,6 +72,38 @@ class ReferenceGain(Effect):
         return [size("gain", 0.5, 0.03), Free("pivot", low_m, high_m, scales.stroke_m, (0.0, zero_m), False)]
 
 
+@EFFECTS.register("reference_nonlinearity")
+@dataclass(frozen=True, slots=True)
+class ReferenceNonlinearity(Effect):
+    """The sensor is not straight, as beyond the linear part of its range: a parabola, right at two places."""
+
+    PART = "reference"
+    WORDS = "the reference sensor is not straight"
+    REMEDY = (
+        "Calibrate the reference sensor again with gauge blocks at five or more places, and mount it so that the "
+        "stroke lies in the middle of its range; the model is not at fault."
+    )
+    TELL_TALE = "displacement_m"
+    bend: float = parameter(0.0, "displacement shown too much per distance from both places", "1/m", -1e4, 1e4)
+    low: float = parameter(0.0, "displacement that is shown right", "m", -10.0, 10.0)
+    high: float = parameter(0.0, "another displacement that is shown right", "m", -10.0, 10.0)
+
+    def shown(self, frame: Frame, state: np.ndarray, place: Place) -> None:
+        """What the sensor shows."""
+        true_m = frame.displacement_m
+        frame.displacement_m = true_m + self.bend * (true_m - self.low) * (true_m - self.high)
+
+    @classmethod
+    def free(cls, scales: Scales) -> list[Free]:
+        """What a fit may vary."""
+        stroke_m = scales.stroke_m
+        return [
+            size("bend", 2.0 / stroke_m, 0.1 / stroke_m),
+            Free("low", -0.5 * stroke_m, 0.5 * stroke_m, stroke_m, (0.0,), False),
+            Free("high", 0.0, 1.5 * stroke_m, stroke_m, (stroke_m,), False),
+        ]
+
+
 @EFFECTS.register("reference_drift")
 @dataclass(frozen=True, slots=True)
 class ReferenceDrift(Effect):

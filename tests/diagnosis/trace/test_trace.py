@@ -106,6 +106,7 @@ def test_where_nothing_is_hidden_nothing_is_most_probable(clean, without):
         pytest.param({"backlash": 2.5e-4}, "width", 2.5e-4, marks=pytest.mark.long),
         pytest.param({"elastic_compliance": 1e-4}, "compliance", 1e-4, marks=pytest.mark.long),
         pytest.param({"load_cell_gain": 0.3}, "gain", 0.3, marks=pytest.mark.long),
+        pytest.param({"sense_resistance": 0.03}, "change", 0.03, marks=pytest.mark.long),
     ],
     ids=lambda x: next(iter(x)) if isinstance(x, dict) else "",
 )
@@ -166,13 +167,26 @@ def test_what_has_no_name_stays_without(wire, config, hidden, by_its_form):
 
 
 def test_a_name_that_leaves_one_witness_far_off_is_not_given(wire, config):
-    """A load cell that is not straight is a gain to all but a spring, whose line it bends."""
+    """A load cell that is not straight is a gain to all but a spring, whose line it bends; where it is a candidate, it
+    is named."""
     evidence = Evidence(session(wire[0], {"load_cell_nonlinearity": -0.2}, load=Spring(300.0, 0.5), logs=1), config)
     found = trace(evidence, without=all_but("load_cell_gain", "load_cell_drift", "reference_gain", "slip"), jobs=1)
     assert found.verdict == "unexplained" and found.names == []
     assert "There is an error that no candidate explains" in sentence(found, {}, [])
     goes_with = found.hypotheses[SOMETHING_ELSE,].goes_with
     assert max(goes_with, key=goes_with.__getitem__) == "load against displacement"
+    found = trace(evidence, without=all_but("load_cell_gain", "load_cell_nonlinearity"), jobs=1)
+    assert found.verdict == "traced" and found.fit.names == ("load_cell_nonlinearity",)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("middle_m", [2.5e-4, -2.5e-4])
+def test_a_reference_sensor_that_is_not_straight_is_named_and_one_whose_slope_waves_is_not(wire, config, middle_m):
+    found = traced(wire, config, {"reference_nonlinearity": middle_m})
+    assert found.verdict == "traced" and found.names == ["reference_nonlinearity"]
+    assert math.copysign(1.0, found.fit.values["reference_nonlinearity"]["bend"]) == -math.copysign(1.0, middle_m)
+    found = traced(wire, config, {"lvdt_nonlinearity": abs(middle_m)})
+    assert found.verdict == "unexplained"
 
 
 @pytest.mark.long

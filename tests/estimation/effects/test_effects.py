@@ -22,9 +22,11 @@ STRONG = {
     "contact_drift": {"resistance": 0.3, "time_constant": 5.0},
     "voltage_offset": {"offset": 0.02},
     "reference_self_heating": {"coefficient": 0.3, "time_constant": 2.0},
+    "sense_resistance": {"change": 0.05},
     "shunt": {"conductance": 0.01},
     "load_cell_drift": {"offset": 0.1, "rate": 0.02},
     "load_cell_gain": {"gain": 0.2},
+    "load_cell_nonlinearity": {"bend": 0.1},
     "heat_loss": {"change": 0.3},
     "self_heating": {"temperature_coefficient": 5e-4, "onset": 10.0},
     "ambient_temperature": {"temperature_coefficient": 1e-3, "fading": 50.0},
@@ -38,6 +40,7 @@ STRONG = {
     "backlash": {"width": 5e-4},
     "reference_lag": {"time_constant": 0.5},
     "reference_gain": {"gain": 0.1},
+    "reference_nonlinearity": {"bend": 40.0, "low": 0.2e-3, "high": 4.2e-3},
     "reference_drift": {"offset": 1e-4, "rate": 1e-5},
     "first_pulse_set": {"length": 1e-4},
     "current_feedthrough": {"coupling": 1e-3},
@@ -197,6 +200,11 @@ def test_circuit_effects_undo_what_the_circuit_does():
     found = corrected("shunt", 1.0 / (1.0 / true_Ohm + 0.01), total_A)
     np.testing.assert_allclose(found.resistance_Ohm, true_Ohm)
     np.testing.assert_allclose(found.current_A, current_A)
+    # A sense resistor of 1.05 Ω that is taken for 1 Ω: too much current, and too little beside it, the leads too.
+    found = corrected("sense_resistance", (true_Ohm + 0.25) / 1.05 - 0.25, 1.05 * current_A)
+    np.testing.assert_allclose(found.resistance_Ohm, true_Ohm)
+    np.testing.assert_allclose(found.current_A, current_A)
+    np.testing.assert_allclose(found.power_W, current_A**2 * true_Ohm)
 
 
 def test_the_sense_resistor_warms_with_a_lag():
@@ -218,12 +226,21 @@ def test_the_sense_resistor_warms_with_a_lag():
     np.testing.assert_allclose(found.current_A, 0.5 / (1.0 + 0.3 * 0.25))
 
 
-def test_load_cell_effects_undo_zero_and_slope():
+def test_load_cell_effects_undo_zero_slope_and_bend():
     arrays = signals()
     drift, _, _ = through("load_cell_drift", arrays)
     np.testing.assert_allclose(drift.load_N, arrays.load_N - 0.1 - 0.02 * arrays.time_s)
     gain, _, _ = through("load_cell_gain", arrays)
     np.testing.assert_allclose(gain.load_N * 1.2, arrays.load_N)
+    bend, _, _ = through("load_cell_nonlinearity", arrays)
+    np.testing.assert_allclose(bend.load_N + 0.1 * bend.load_N**2, arrays.load_N)
+
+
+def test_a_load_cell_that_bends_back_shows_no_more_than_its_largest():
+    """F − 0.25 F² is 1 N at the most, of 2 N: a load of 3 N cannot be shown, and is no reason to fail."""
+    arrays = dataclasses.replace(signals(), load_N=np.full(400, 3.0))
+    frame = Stages(build("load_cell_nonlinearity", bend=-0.25)).act("measured", Frame.of(arrays, 0.0))
+    assert np.isfinite(frame.load_N).all()
 
 
 @pytest.mark.parametrize("name", ["load_cell_drift", "reference_drift"])
