@@ -18,7 +18,7 @@ from sma_actuator.logs.experiments import Experiment
 from sma_actuator.logs.kinds import FULL
 from sma_actuator.safety.thermal import HeatBalance
 
-from .stresses import clusters, rounded
+from .stresses import clusters, nearest, rounded
 
 STILL_SHARE = (
     0.03  #: of the full stroke, within which of its shortest a wire counts as contracted: it shrinks as it cools
@@ -49,11 +49,11 @@ def _cooling(experiments: Sequence[Experiment], config: Config) -> dict:
         return {}
     stress_Pa, rise_K = table.T
     loads_Pa = clusters(stress_Pa)
-    nearest = np.argmin(np.abs(stress_Pa[:, None] - loads_Pa), axis=1)
+    load = nearest(stress_Pa, loads_Pa)
     return {
         "cooling_position": round(middle_m, 8),
         "cooling_stress": rounded(loads_Pa, 0),
-        "cooling_rise": tuple(round(float(rise_K[nearest == i].min()), 2) for i in range(len(loads_Pa))),
+        "cooling_rise": tuple(round(float(rise_K[load == i].min()), 2) for i in range(len(loads_Pa))),
     }
 
 
@@ -102,8 +102,8 @@ def _contracted(experiments: Sequence[Experiment], config: Config) -> dict:
     if tell:
         means[:, 1] += slope_Ohm_K * (reference_C - means[:, 3])
     stress_Pa = clusters(means[:, 0])
-    nearest = np.argmin(np.abs(means[:, :1] - stress_Pa), axis=1)
-    middle = np.array([np.median(means[nearest == i], axis=0) for i in range(len(stress_Pa))])
+    load = nearest(means[:, 0], stress_Pa)
+    middle = np.array([np.median(means[load == i], axis=0) for i in range(len(stress_Pa))])
     return {
         "contracted_stress": rounded(middle[:, 0], 0),
         "contracted_resistance": rounded(middle[:, 1], 6),

@@ -15,7 +15,7 @@ from sma_actuator.base.calibration import IntervalSection
 from sma_actuator.base.jit import jit
 from sma_actuator.logs.experiments import Experiment
 
-from .stresses import clusters, rounded
+from .stresses import clusters, nearest, rounded
 
 POSITIONS = 13
 COVERAGE, INTERVAL = 0.95, 1.96  #: of an interval, and half of it over the standard deviation
@@ -78,7 +78,7 @@ def _sums(position_m, stress_Pa, estimate_m, sample_stress_Pa, heating, residual
     good = np.isfinite(estimate_m + residual_m + sample_stress_Pa)
     step_m = position_m[1] - position_m[0]
     p = np.clip(np.rint((estimate_m[good] - position_m[0]) / step_m), 0, len(position_m) - 1).astype(int)
-    s = np.argmin(np.abs(sample_stress_Pa[good, None] - stress_Pa), axis=1)
+    s = nearest(sample_stress_Pa[good], stress_Pa)
     b = np.where(heating[good], 0, 1)
     np.add.at(out[0], (b, s, p), residual_m[good])
     np.add.at(out[1], (b, s, p), 1.0)

@@ -17,7 +17,7 @@ import numpy as np
 from sma_actuator.base.calibration import COLD_SHARE, SINCE_THEN, SINCE_THEN_WITHIN, Calibration, RestSection, through
 from sma_actuator.logs.experiments import Experiment
 
-from .stresses import clusters, rounded
+from .stresses import clusters, nearest, rounded
 
 #: Averaged; no longer than a thermal time constant, since a quick wire rests no longer than that takes, and longer
 #: where readings are so slow that fewer would be.
@@ -159,8 +159,8 @@ def learn(experiments: Sequence[Experiment], thermal_time_constant_s: float) -> 
         if len(rows) < 2:
             continue
         stress_Pa = clusters(rows[:, 0])
-        nearest = np.argmin(np.abs(rows[:, :1] - stress_Pa), axis=1)
-        middle = np.array([np.median(rows[nearest == i], axis=0) for i in range(len(stress_Pa))])
+        load = nearest(rows[:, 0], stress_Pa)
+        middle = np.array([np.median(rows[load == i], axis=0) for i in range(len(stress_Pa))])
         out[f"{name}_stress"] = rounded(middle[:, 0], 0)
         out[f"{name}_resistance"] = rounded(middle[:, 1], 6)
         out[f"{name}_displacement"] = rounded(middle[:, 2], 8)
@@ -192,10 +192,10 @@ def _at_end(rows: np.ndarray, power_W: float, hot: bool) -> np.ndarray:
         return np.ones(len(rows), dtype=bool)
     about = np.flatnonzero(np.abs(rows[:, 3] - power_W) <= 0.15 * power_W) if hot else np.arange(len(rows))
     stress_Pa = clusters(rows[about, 0])
-    nearest = np.argmin(np.abs(rows[about, :1] - stress_Pa), axis=1)
-    end_W = np.array([(np.max if hot else np.min)(rows[about[nearest == i], 3]) for i in range(len(stress_Pa))])
+    load = nearest(rows[about, 0], stress_Pa)
+    end_W = np.array([(np.max if hot else np.min)(rows[about[load == i], 3]) for i in range(len(stress_Pa))])
     out = np.zeros(len(rows), dtype=bool)
-    out[about] = np.abs(rows[about, 3] - end_W[nearest]) <= ALIKE * power_W
+    out[about] = np.abs(rows[about, 3] - end_W[load]) <= ALIKE * power_W
     return out
 
 
@@ -204,11 +204,11 @@ def _longer(colder: np.ndarray, usual: np.ndarray) -> tuple[float, ...]:
     where there are none as under the others, and nothing where there are none at all."""
     if not len(colder):
         return ()
-    nearest = np.argmin(np.abs(colder[:, :1] - usual[:, 0]), axis=1)
+    load = nearest(colder[:, 0], usual[:, 0])
     off_m = colder[:, 2] - through(usual[:, 0], usual[:, 2], colder[:, 0])
-    less_W = np.maximum(usual[nearest, 3] - colder[:, 3], ALIKE * usual[nearest, 3])
+    less_W = np.maximum(usual[load, 3] - colder[:, 3], ALIKE * usual[load, 3])
     longer_m_W = np.abs(off_m) / less_W
-    there = (longer_m_W[nearest == i] for i in range(len(usual)))
+    there = (longer_m_W[load == i] for i in range(len(usual)))
     return rounded(np.array([some.max() if len(some) else longer_m_W.max() for some in there]), 8)
 
 

@@ -20,6 +20,11 @@ def clusters(values: Sequence[float] | np.ndarray) -> np.ndarray:
     return np.array([g.mean() for g in groups])
 
 
+def nearest(values: np.ndarray, stresses: np.ndarray) -> np.ndarray:
+    """Which of some stresses each value is nearest to, shape (n,)."""
+    return np.argmin(np.abs(values[:, None] - stresses), axis=1)
+
+
 def rounded(values: np.ndarray, digits: int) -> tuple[float, ...]:
     """Values with so many digits after the point, as they stand in a file."""
     return tuple(round(float(v), digits) for v in values)
