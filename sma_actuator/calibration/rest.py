@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -264,6 +264,20 @@ class Usual:
             if len(chosen):
                 out[chosen] = self._off(hot, {f.name: getattr(rests, f.name)[chosen] for f in fields(AtRest)})
         return out
+
+    def as_formed(self, rests: AtRest, formed_Pa: np.ndarray) -> AtRest:
+        """The same rests where a cold wire is as it came to rest at the calibration under other loads, ``formed_Pa``
+        (n,): those under which half of its martensite formed."""
+        rest, cold = self.calibration.rest, ~rests.hot
+        if not len(rest.cold_stress):
+            return rests
+        more = [
+            cold * np.subtract(*(through(rest.cold_stress, values, at_Pa) for at_Pa in (formed_Pa, rests.stress_Pa)))
+            for values in (rest.cold_resistance, rest.cold_displacement)
+        ]
+        return replace(
+            rests, resistance_Ohm=rests.resistance_Ohm + more[0], displacement_m=rests.displacement_m + more[1]
+        )
 
     def _off(self, hot: bool, is_: dict[str, np.ndarray]) -> np.ndarray:
         rest, hot_end = self.calibration.rest, self.calibration.hot_end

@@ -50,6 +50,15 @@ def test_more_resistance_or_another_length_counts_in_what_a_rest_repeats_to(rest
     np.testing.assert_allclose(off(longer), (0.0, 2.0), atol=1e-9)
 
 
+def test_a_cold_wire_that_keeps_all_variants_is_as_under_the_load_that_it_formed_under():
+    rests, formed_Pa = together(COLD, COLD, HOT), np.array([8e7, 4e7, 8e7])
+    kept = USUAL.as_formed(rests, formed_Pa)
+    np.testing.assert_allclose(kept.resistance_Ohm, (2.2, 2.1, 1.51))
+    np.testing.assert_allclose(kept.displacement_m, (2.5e-3, 2e-3, 1.2e-4))
+    unknown = Usual(Calibration(), heat_loss_W_K=0.005, resistance_Ohm=0.7, stroke_m=4e-3)
+    assert unknown.as_formed(rests, formed_Pa) is rests
+
+
 @pytest.mark.parametrize(
     ("rest", "but"),
     [

@@ -15,6 +15,7 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from sma_actuator.base.calibration import Calibration
 from sma_actuator.base.remembered import Remembered
@@ -198,10 +199,12 @@ class Comparison:
         return np.concatenate((np.nan_to_num(self._of_samples) * self.evidence.sample_weight, *others))
 
     @property
-    def late(self) -> np.ndarray:
-        """The rows after those of the samples: how much further off each is where the load is read one reading
-        later."""
-        return np.concatenate([witness.late(self.predictions) for witness in self.evidence.others])
+    def unknown(self) -> np.ndarray:
+        """The rows after those of the samples: how much further off each is where something is otherwise that no
+        calibration shows, a column for each witness that has such a thing, (rows, …)."""
+        columns = [witness.unknown(self.predictions)[:, None] for witness in self.evidence.others]
+        together = block_diag(*columns)
+        return together[:, together.any(axis=0)]
 
     @property
     def _of_samples(self) -> np.ndarray:

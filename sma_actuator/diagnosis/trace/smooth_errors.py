@@ -53,9 +53,7 @@ class SmoothErrors:
         repeating = [place * heating, place * ~heating, *(_hats(found[n], KNOTS) for n in REPEATING if n in found)]
         witness = evidence.witness_of_row[samples:]
         offsets = np.equal.outer(witness, np.unique(witness)).astype(float)
-        # The calibration may have seen no spring, so it does not know how simultaneous the channels are.
-        late = comparison.late[:, None]
-        self._offsets = np.column_stack((offsets, late[:, late.any(axis=0)]))
+        self._offsets = np.column_stack((offsets, comparison.unknown))
         when = 2.0 * evidence.unit_of_row[samples:] / max(evidence.units - 1, 1) - 1.0
         #: Of a model on any session, shape (rows, …).
         self.repeating = self._columns(np.column_stack(repeating), self._offsets)

@@ -275,6 +275,21 @@ def test_a_load_that_is_read_a_reading_later_than_the_displacement_is_nothing(wi
     assert found["load_cell_voltage_V"] < -2.0 and found["lvdt_current_A"] > 10.0
 
 
+def test_no_calibration_under_weights_shows_how_long_a_cold_wire_is_on_a_spring(wire, config):
+    """Its martensite formed under more load than it rests under, and may keep the variants of that: then it is longer,
+    and has more resistance, at every cold rest alike."""
+    further = {}
+    for load in (Spring(300.0, 0.5), Weight(0.98)):
+        evidence = Evidence(session(wire[0], load=load, logs=1), config)
+        rests = evidence.of_rests
+        hot = np.repeat([rest.hot for rest in evidence.logs.rests[0]], 2)
+        further[type(load)] = rests.unknown(evidence.predict({}))
+        assert not further[type(load)][hot].any()
+        further[type(load)] = further[type(load)][~hot]
+    assert len(further[Spring]) > 4 and (further[Spring] > 1.0).all()
+    assert (np.abs(further[Weight]) < 0.3).all()
+
+
 def _later(values, readings):
     return np.concatenate((np.full(readings, values[0]), values[:-readings]))
 
@@ -922,7 +937,9 @@ def test_smooth_errors_are_of_the_samples_or_of_the_other_witnesses_and_of_the_s
     smooth_errors, n = Rows(clean).smooth, clean.rows_of_samples
     of_samples, of_others = (part != 0.0 for part in np.split(smooth_errors.repeating, [n]))
     assert not np.any(of_samples.any(axis=0) & of_others.any(axis=0))
-    np.testing.assert_array_equal(of_others.sum(axis=1), 1)  # an offset of the witness that it is of
+    np.testing.assert_array_equal(of_others[:, :-1].sum(axis=1), 1)  # an offset of the witness that it is of
+    # What cold wires keep of the loads that they formed under is one thing, of all of them.
+    np.testing.assert_array_equal(smooth_errors.repeating[n:, -1:], clean.compare({}).unknown)
     place = smooth_errors.repeating[:n, :12].sum(axis=1)
     np.testing.assert_allclose(place, clean.sample_weight)
     moved = np.zeros(len(clean.unit_of_row))

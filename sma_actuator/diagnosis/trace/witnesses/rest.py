@@ -16,7 +16,8 @@ from sma_actuator.diagnosis.trace.prepared import Prepared
 
 from .witness import Witness
 
-ON_ITS_WAY = 0.1  #: of full stroke: so far from where it will rest, a wire still transforms
+#: Of full stroke: so far from where it will rest, a wire still transforms; and half of its martensite is yet to form.
+ON_ITS_WAY, HALF_WAY = 0.1, 0.5
 
 
 class Rests(Witness):
@@ -41,18 +42,26 @@ class Rests(Witness):
         self.row_units = np.repeat(units, 2).astype(int)
         self.row_names = np.repeat(2 * hot, 2) + np.tile((0, 1), len(hot))
         self._windows = [_Windows(rests) for rests in logs.rests]
-        self._on_its_way = [
-            np.array([self._last_on_its_way(i, rest) for rest in rests], dtype=int)
-            for i, rests in enumerate(logs.rests)
-        ]
+        self._on_its_way, self._half_way = (
+            [np.array([self._last(i, r, away) for r in rests], dtype=int) for i, rests in enumerate(logs.rests)]
+            for away in (ON_ITS_WAY, HALF_WAY)
+        )
 
     def off(self, predictions: Sequence[Prediction]) -> np.ndarray:
         """R and δ of every rest against the calibration's, in its standard deviations, shape (2 · rests,)."""
-        shown = [self._shown(i, p) for i, p in enumerate(predictions) if self.logs.rests[i]]
-        if not shown:
-            return np.empty(0)
-        together = {f.name: np.concatenate([getattr(s, f.name) for s in shown]) for f in fields(AtRest)}
-        return self._usual.off(AtRest(**together)).ravel()
+        return self._usual.off(self._all(predictions)).ravel()
+
+    def unknown(self, predictions: Sequence[Prediction]) -> np.ndarray:
+        """How much further off they are where martensite keeps the variants of the load that it formed under, shape
+        (2 · rests,): a spring takes that back all the way, and no calibration under weights shows what is kept."""
+        rests = self._all(predictions)
+        formed_Pa = [p.stress_Pa[half_way] for p, half_way in zip(predictions, self._half_way, strict=True)]
+        kept = self._usual.as_formed(rests, np.concatenate(formed_Pa))
+        return (self._usual.off(kept) - self._usual.off(rests)).ravel()
+
+    def _all(self, predictions: Sequence[Prediction]) -> AtRest:
+        shown = [self._shown(i, p) for i, p in enumerate(predictions)]
+        return AtRest(**{f.name: np.concatenate([getattr(s, f.name) for s in shown]) for f in fields(AtRest)})
 
     def _shown(self, number: int, p: Prediction) -> AtRest:
         """What the rests of a log show, if a prediction is right about circuit, load cell and sensor."""
@@ -77,12 +86,12 @@ class Rests(Witness):
             warmer_K=np.where(np.isfinite(warmer_K), warmer_K, 0.0),
         )
 
-    def _last_on_its_way(self, number: int, rest: Rest) -> int:
-        """The last sample before a rest at which the wire was still a good way from it; the rest's first, where it
-        never was."""
+    def _last(self, number: int, rest: Rest, away: float) -> int:
+        """The last sample before a rest at which the wire was still so far away from it, of full stroke; the rest's
+        first, where it never was."""
         measured_m = self.logs.measured_m[number]
         away_m = np.abs(measured_m[: rest.start] - measured_m[rest.start])
-        moving = np.flatnonzero(away_m > ON_ITS_WAY * self._full_stroke_m)
+        moving = np.flatnonzero(away_m > away * self._full_stroke_m)
         return int(moving[-1]) if len(moving) else rest.start
 
 

@@ -41,9 +41,9 @@ class Springs(Witness):
         """How far off the line, in how straight springs are, shape (halves of units,)."""
         return self._off(predictions, [p.stress_Pa for p in predictions])
 
-    def late(self, predictions: Sequence[Prediction]) -> np.ndarray:
+    def unknown(self, predictions: Sequence[Prediction]) -> np.ndarray:
         """How much further off it is where the load is read one reading later: converters take one channel after the
-        other, and filter each, shape (halves of units,)."""
+        other, and filter each, shape (halves of units,).  The calibration may have seen no spring."""
         before_Pa = [np.concatenate((p.stress_Pa[:1], p.stress_Pa[:-1])) for p in predictions]
         return self._off(predictions, before_Pa) - self.off(predictions)
 

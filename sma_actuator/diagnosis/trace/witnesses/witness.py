@@ -24,8 +24,9 @@ class Witness(Protocol):
     def off(self, predictions: Sequence[Prediction]) -> np.ndarray:
         """How far off each row is, in units of what is usual, shape (n,)."""
 
-    def late(self, predictions: Sequence[Prediction]) -> np.ndarray:
-        """How much further off each row is where the load is read one reading later, shape (n,); as a rule nothing."""
+    def unknown(self, predictions: Sequence[Prediction]) -> np.ndarray:
+        """How much further off each row is where one thing is the other way that no calibration shows, shape (n,); as
+        a rule nothing."""
         return np.zeros(len(self.row_units))
 
 
