@@ -13,10 +13,10 @@ COLD_TIMES = 4.0
 
 #: What is remembered of the cold: what a wire showed when it last was; the most since it certainly had not contracted,
 #: ∞ where it may have; how long it has rested, in the longest time constants that it may have, and of that how long its
-#: resistance was seen; and whether it is the calibrated wire: it may be (0), it is (1), or it was heated before that
-#: was known (-1).
-COLD_Ohm, MOST_Ohm, RESTED_times, SEEN_times, IS_IT = range(5)
-SHOWN_COLD = 5
+#: resistance was seen; whether it is the calibrated wire: it may be (0), it is (1), or it was heated before that was
+#: known (-1); and the least that it has shown since.
+COLD_Ohm, MOST_Ohm, RESTED_times, SEEN_times, IS_IT, LEAST_Ohm = range(6)
+SHOWN_COLD = 6
 
 
 @jit
@@ -29,6 +29,7 @@ def keep_cold(
     is_cold: bool,
     at_most_C: float,
     transformed_C: float,
+    anew: bool = False,
 ) -> None:
     """Keep what a wire shows cold, and the most since it certainly had not contracted.
 
@@ -40,8 +41,8 @@ def keep_cold(
 
     ``shown_Ohm``: smooth, NaN where none was measured; ``times``: how long this step was, in the longest time constants
     that the wire may have; ``rests``: no current flows, or the bias alone; ``is_cold``: it is no hotter than this wire
-    is as it begins to return, and shows what that shows cold.  What is remembered begins at the ``first`` of ``state``
-    (:func:`begin_cold`).
+    is as it begins to return, and shows what that shows cold; ``anew``: its resistance was not seen for a while, and
+    another wire may hang there since.  What is remembered begins at the ``first`` of ``state`` (:func:`begin_cold`).
     """
     if not rests:
         state[first + RESTED_times] = state[first + SEEN_times] = 0.0
@@ -50,11 +51,15 @@ def keep_cold(
         state[first + SEEN_times] += times if isfinite(shown_Ohm) else 0.0
     if not isfinite(shown_Ohm):
         return
-    is_it = rests and is_cold and state[first + IS_IT] >= 0.0
-    if is_it or (rests and state[first + RESTED_times] >= COLD_TIMES):
+    if anew:
+        state[first + IS_IT], state[first + LEAST_Ohm] = 0.0, inf
+    is_it = is_cold and state[first + IS_IT] >= 0.0
+    if (is_it and rests) or (rests and state[first + RESTED_times] >= COLD_TIMES):
         state[first + COLD_Ohm] = shown_Ohm
     if state[first + IS_IT] == 0.0:
         state[first + IS_IT] = 1.0 if is_it else (0.0 if rests else -1.0)
+    if state[first + IS_IT] > 0.0:
+        state[first + LEAST_Ohm] = min(state[first + LEAST_Ohm], shown_Ohm)
     most_Ohm = state[first + MOST_Ohm]
     if not shown_Ohm < (1.0 - FALLS) * most_Ohm:
         most_Ohm = max(most_Ohm, shown_Ohm)
@@ -67,4 +72,4 @@ def keep_cold(
 
 def begin_cold(state: Floats, first: int) -> None:
     """Nothing is known yet."""
-    state[first + COLD_Ohm] = state[first + MOST_Ohm] = inf
+    state[first + COLD_Ohm] = state[first + MOST_Ohm] = state[first + LEAST_Ohm] = inf

@@ -31,7 +31,18 @@ from sma_actuator.base.jit import Floats, floats, jit
 from sma_actuator.base.sections import ThermalParameters
 
 from .ambient import Ambient
-from .cold import COLD_TIMES, IS_IT, SHOWN_COLD, COLD_Ohm, MOST_Ohm, RESTED_times, SEEN_times, begin_cold, keep_cold
+from .cold import (
+    COLD_TIMES,
+    IS_IT,
+    SHOWN_COLD,
+    COLD_Ohm,
+    LEAST_Ohm,
+    MOST_Ohm,
+    RESTED_times,
+    SEEN_times,
+    begin_cold,
+    keep_cold,
+)
 from .cooling import ANEW, COOLING, begin_cooling, cooling_C
 from .transformed import (
     CAPACITY_WITHIN,
@@ -39,6 +50,7 @@ from .transformed import (
     Transforms,
     cold_Ohm,
     contracted_Ohm,
+    more_than_contracted,
     returns_at_most_C,
     shows_cold,
     shows_cold_no_more,
@@ -231,15 +243,22 @@ def _transforms_Ohm(
     just_contracted_Ohm: float,
     most_contracted_Ohm: float,
     known_Ohm: float,
+    transforms: Floats,
+    stress_Pa: float,
 ) -> float:
     """What a wire shows more than has not contracted, that is no hotter than ``at_most_C``.
 
-    Another wire in its place may show more contracted than the calibrated one, but not as much as itself before.
+    One that has shown cold what the calibrated one does shows contracted no more than the least that it has shown, and
+    what heat adds to that.  Another wire in its place may show more contracted, but not as much as itself before.
     """
     hotter = (min(at_most_C, max_C) - transformed_C) / (max_C - transformed_C) if max_C > transformed_C else 0.0
     by_then_Ohm = just_contracted_Ohm + max(hotter, 0.0) * (most_contracted_Ohm - just_contracted_Ohm)
     by_then_Ohm = contracted_Ohm(by_then_Ohm, most_contracted_Ohm, state[_COLD + COLD_Ohm], known_Ohm)
-    return max(by_then_Ohm, (1.0 - FALLS) * state[_COLD + MOST_Ohm])
+    no_more_Ohm = (1.0 - FALLS) * state[_COLD + MOST_Ohm]
+    if state[_COLD + IS_IT] > 0.0:
+        least_Ohm = by_then_Ohm * more_than_contracted(transforms, stress_Pa, state[_COLD + LEAST_Ohm])
+        no_more_Ohm = min(no_more_Ohm, least_Ohm)
+    return max(by_then_Ohm, no_more_Ohm)
 
 
 @jit
@@ -277,12 +296,15 @@ def _cools(
     until_cold: bool,
     cold_shown: bool,
     was_seen: bool,
+    tells: bool,
 ) -> bool:
     """Whether the wire is let cool: from its limit on, until it is colder than it transforms at.
 
     A new one is told by nothing before it was seen (``was_seen``), unless it is cold by then.  One that shows what it
     is known to show cold is then waited for until it is no hotter than it returns at, for two looks at the most.  One
     that shows no more cold than contracted (``alike``) is told from that on its way alone: each time it begins cold.
+    The calibrated one that the limit has held back is waited for until its resistance ``tells`` that it transforms, or
+    it shows cold again: from there it contracts in one go.
     """
     if alike and at_its_limit and not cools:
         state[_COLD + COLD_Ohm] = state[_COLD + MOST_Ohm] = inf
@@ -291,6 +313,8 @@ def _cools(
     looks = unseen or (alike and state[_COLD + SEEN_times] < ANEW)
     waits = is_new and cold_shown and state[_COLD + SEEN_times] < 2.0 * ANEW
     is_told = most_C < (returns_C if waits else transformed_C) and not looks and not (is_new and (alike or until_cold))
+    if until_cold and state[_COLD + IS_IT] > 0.0:
+        is_told = is_told and (tells or (cold_shown and most_C < returns_C))
     return (cools or at_its_limit) and not is_told
 
 
@@ -333,7 +357,8 @@ def _heat_step(
     returns_C = min(returns_at_most_C(return_C, stress_Pa, shifts_K_Pa[0], then_C), transformed_C)
     # Where any wire has returned by then that says nothing; this one's without a load, which is lower, does.
     cold_C = returns_C if returns_C < transformed_C else min(return_C, transformed_C)
-    known_Ohm, may_be_it = cold_Ohm(transforms, stress_Pa), state[_COLD + IS_IT] >= 0.0
+    anew = state[_BY_ITSELF + _GAP_s] + dt_s >= LONG_AGO_s
+    known_Ohm, may_be_it = cold_Ohm(transforms, stress_Pa), anew or state[_COLD + IS_IT] >= 0.0
     was_seen = isfinite(state[_BY_ITSELF + _SHOWN_Ohm])
     cold_shown = may_be_it and shows_cold(transforms, state[_BY_ITSELF + _SHOWN_Ohm], stress_Pa, known_Ohm)
     falls_C = cooling_C(
@@ -341,7 +366,15 @@ def _heat_step(
     )
     at_most_C = min(_after_C(most_C, power_W, dt_s, ambient_C, capacity_J_K, loss_W_K / margin), falls_C)
     transforms_Ohm = _transforms_Ohm(
-        state, at_most_C, transformed_C, max_C, just_contracted_Ohm, most_contracted_Ohm, known_Ohm
+        state,
+        at_most_C,
+        transformed_C,
+        max_C,
+        just_contracted_Ohm,
+        most_contracted_Ohm,
+        known_Ohm,
+        transforms,
+        stress_Pa,
     )
     own_C = max(transforms_at_C(transforms, resistance_Ohm, stress_Pa, shifts_K_Pa[1], then_C), likely_C)
     shown_C, own_C = _shown_C(
@@ -349,12 +382,25 @@ def _heat_step(
     )
     most_C, likely_C = min(at_most_C, shown_C, own_C), min(likely_C, shown_C)
     shown_Ohm, rests = state[_BY_ITSELF + _SHOWN_Ohm], cools or power_W * margin <= REST_K * loss_W_K
+    cold_shown = may_be_it and shows_cold(transforms, shown_Ohm, stress_Pa, known_Ohm)
     is_cold = cold_shown and at_most_C <= cold_C < transformed_C
     measured_Ohm = shown_Ohm if isfinite(resistance_Ohm) else nan
-    keep_cold(state, _COLD, measured_Ohm, dt_s / longest_s, rests, is_cold, at_most_C, transformed_C)
+    keep_cold(state, _COLD, measured_Ohm, dt_s / longest_s, rests, is_cold, at_most_C, transformed_C, anew)
     at_its_limit = most_C > max_C - HEADROOM_K - AT_LIMIT_K and at_most_C < shown_C
     alike = shown_Ohm < just_contracted_Ohm and shows_cold_no_more(known_Ohm, just_contracted_Ohm)
-    cools = _cools(state, cools, at_its_limit, most_C, cold_C, transformed_C, alike, until_cold, cold_shown, was_seen)
+    cools = _cools(
+        state,
+        cools,
+        at_its_limit,
+        most_C,
+        cold_C,
+        transformed_C,
+        alike,
+        until_cold,
+        cold_shown,
+        was_seen,
+        shown_Ohm > transforms_Ohm,
+    )
     shown_W_K = shown_loss_W_K(state, _SHOWN, wire_W, dt_s, most_C - coldest_C, capacity_J_K, loss_W_K)
     shown_W_K *= turned(state, _TURNED, load_N, dt_s) <= MOST_TURNS
     return likely_C, most_C, guessed_K, cools, SUDDENLY * shown_W_K, margin

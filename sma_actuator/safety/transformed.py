@@ -121,6 +121,12 @@ def cold_Ohm(row: Floats, stress_Pa: float) -> float:
 
 
 @jit
+def more_than_contracted(row: Floats, stress_Pa: float, least_Ohm: float) -> float:
+    """The least that a wire has shown over what it was known to show contracted under this load, 1 at the least."""
+    return max(least_Ohm / looked_up(row, CONTRACTED, stress_Pa), 1.0)
+
+
+@jit
 def shows_cold(row: Floats, shown_Ohm: float, stress_Pa: float, known_Ohm: float) -> bool:
     """Whether a wire shows as much as it was known to show cold under this load (:func:`cold_Ohm`); not where no such
     load was seen, as in a slack one."""

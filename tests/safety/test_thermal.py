@@ -460,8 +460,8 @@ class TestAnotherWireInThePlaceOfTheCalibratedOne:
         """And any other to where it transforms: 110 °C lie between the two here."""
         state = floats(64)
         state[_COLD + COLD_Ohm] = math.inf
-        assert _cools(state, True, False, 110.0, 90.0, 150.0, False, False, shown, True) == shown
-        assert not _cools(state, True, False, 89.0, 90.0, 150.0, False, False, shown, True)
+        assert _cools(state, True, False, 110.0, 90.0, 150.0, False, False, shown, True, False) == shown
+        assert not _cools(state, True, False, 89.0, 90.0, 150.0, False, False, shown, True, False)
 
     @pytest.mark.parametrize("was_seen", [False, True])
     def test_nothing_is_told_of_one_before_it_is_seen_unless_it_is_cold_by_then(self, was_seen):
@@ -469,9 +469,9 @@ class TestAnotherWireInThePlaceOfTheCalibratedOne:
         state = floats(64)
         state[_COLD + COLD_Ohm] = math.inf
         state[_COLD + RESTED_times] = COLD_TIMES - 0.1
-        assert _cools(state, True, False, 89.0, 90.0, 150.0, False, False, False, was_seen) != was_seen
+        assert _cools(state, True, False, 89.0, 90.0, 150.0, False, False, False, was_seen, False) != was_seen
         state[_COLD + RESTED_times] = COLD_TIMES
-        assert not _cools(state, True, False, 89.0, 90.0, 150.0, False, False, False, was_seen)
+        assert not _cools(state, True, False, 89.0, 90.0, 150.0, False, False, False, was_seen, False)
 
     def test_whose_resistance_stands_is_no_hotter_than_it_transforms_at_as_long_as_that_stands(self, run):
         """Austenite's would fall as it cools, and rise as it warms."""
@@ -489,12 +489,60 @@ class TestAnotherWireInThePlaceOfTheCalibratedOne:
         assert run(5.6, 1.0, 20.0).at_most_C == pytest.approx(150.0, abs=0.5)
 
 
+class TestTheCalibratedWireItself:
+    """It has shown 5.0 Ω cold, as it was known to; contracted it was known to show 4.0, or 4.4 where it is
+    as hot as any transforms at."""
+
+    @pytest.fixture
+    def run(self, parameters):
+        heat = WireHeat(parameters)
+        heat.transforms = Transforms(CALIBRATION, parameters)
+
+        def for_a_while(resistance_Ohm, power_W, seconds):
+            for _ in range(round(seconds / 0.05)):
+                heat.step(power_W, 0.05, math.nan, parameters, resistance_Ohm, 1.0, 4.6, 4.4, stress_Pa=1e8)
+            return heat
+
+        for_a_while(5.0, 0.0, 4.0)
+        return for_a_while
+
+    @pytest.mark.parametrize(("least_Ohm", "transforms"), [(4.03, True), (4.2, True), (4.7, False)])
+    def test_transforms_where_it_shows_more_than_the_least_that_it_has_shown_can_become_by_heat(
+        self, run, least_Ohm, transforms
+    ):
+        """4.9 Ω; after 4.7 it may be another wire that has contracted, and is hotter now."""
+        run(least_Ohm, 1.0, 4.0)
+        assert (run(4.9, 1.0, 20.0).at_most_C < 151.0) == transforms
+
+    def test_that_the_limit_holds_back_is_let_cool_until_its_resistance_tells(self, run):
+        run(4.7, 1.0, 20.0).let_cool()
+        assert run(4.8, 0.0, 6.0).cools, "it may yet be hot austenite"
+        assert not run(5.0, 0.0, 6.0).cools
+
+    def test_one_that_was_not_seen_for_a_while_may_be_another(self, run):
+        run(4.03, 1.0, 4.0)
+        run(math.nan, 0.0, 1.5)
+        run(4.03, 1.0, 4.0)
+        assert run(4.9, 1.0, 20.0).at_most_C > 151.0
+        run(math.nan, 0.0, 30.0)
+        run(5.0, 1.0, 0.05)
+        run(4.03, 1.0, 4.0)
+        assert run(4.9, 1.0, 20.0).at_most_C < 151.0, "cold for certain, and as resistant as it was known to be"
+
+    def test_and_no_longer_than_that(self, run):
+        run(4.0, 0.0, 4.0)
+        run(4.2, 1.0, 20.0).let_cool()
+        assert not run(4.8, 0.0, 1.0).cools
+
+
 @pytest.mark.parametrize("max_C", [150.0, 140.0])
 def test_a_wire_may_be_kept_colder_than_any_transforms_at(parameters, max_C):
     """Where numba is not installed nothing may be divided by zero."""
     state = WireHeat(parameters)._state
     as_plain_python = getattr(_transforms_Ohm, "py_func", _transforms_Ohm)
-    assert as_plain_python(state, 150.0, 150.0, max_C, 4.4, 4.4, 5.0) == math.inf  # nor was it seen cold
+    assert (
+        as_plain_python(state, 150.0, 150.0, max_C, 4.4, 4.4, 5.0, floats(0), 1e8) == math.inf
+    )  # nor was it seen cold
 
 
 @pytest.mark.parametrize("shift_K_Pa", [3e-7, 12e-7], ids=["", "heavy"])
