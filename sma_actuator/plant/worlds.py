@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from .kinetics import Activated, Kinetics
+from .kinetics import Activated, Kinetics, Measured
 from .materials import NI_TI, NI_TI_CU, WIRES, Material, Phase, Sleeve, Specimen, Untrained
 from .measured import hot_for, lagoudas_for, measured_between, measured_for
 
@@ -65,11 +65,19 @@ _OTHER_R_PHASE: Mapping[str, Mapping[str, Any]] = {
 }
 
 
-def _activated_for(material: Material) -> Kinetics:
+def _activated(barriers: Measured) -> Kinetics:
     """[F] Half a kelvin and an attempt a second: a wire heated by 30 K/s lags 2 K behind one heated by 1 K/s, and
     what is left to transform after a second at rest creeps on over as much in a minute; a front that crosses a grain in
     0.15 s lags as long again behind any rate."""
-    return Activated(measured_for(material), per_K=0.6, attempts_1_s=1.0, crossing_s=0.15)
+    return Activated(barriers, per_K=0.6, attempts_1_s=1.0, crossing_s=0.15)
+
+
+def _activated_for(material: Material) -> Kinetics:
+    return _activated(measured_for(material))
+
+
+def _hot_activated_for(material: Material) -> Kinetics:
+    return _activated(hot_for(material))
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,6 +179,12 @@ WORLDS: dict[str, World] = {
         "grains that cross their barriers by thermal activation: lags while it moves, creeps while it is held",
         _activated_for,
         convection_exponent=0.15,
+    ),
+    "hot_activated": World(
+        "the same, as hot as `hot`, with the other intermediate phase: half way its resistance has hardly fallen",
+        _hot_activated_for,
+        convection_exponent=0.15,
+        material={alloy: {**phase, "r_start_C": 62.0, "r_finish_C": 45.0} for alloy, phase in _OTHER_R_PHASE.items()},
     ),
 }
 

@@ -171,7 +171,7 @@ def test_a_weak_effect_is_weak(name):
 @functools.cache
 def shown_m(world, *effect):
     """What the displacement sensor of a Ni-Ti-Cu wire shows [m]; ``effect``: its name and strength."""
-    pulse_A = 0.8 if world == "hot" else 0.6
+    pulse_A = 0.8 if world.startswith("hot") else 0.6
     bench = HiddenBench.from_name(
         "furukawa", seed=0, load=Weight(1.5), physics=world, hidden=dict([effect] if effect else []), session_s=19.0
     )
