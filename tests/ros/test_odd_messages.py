@@ -407,7 +407,7 @@ def test_off_wins_over_a_client_that_asks_for_on_a_hundred_times_a_second(start_
                 flood.send_signal(signal.SIGUSR1)
                 # What it asked before it heard of that may yet come, and makes the first on a request among many.
                 client.spin_until(lambda: _enable(client).success, what="enabling")
-                flood.send_signal(signal.SIGUSR1)
+                flood.send_signal(signal.SIGUSR2)
         finally:
             flood.kill()
 
