@@ -29,7 +29,6 @@ def keep_cold(
     is_cold: bool,
     at_most_C: float,
     transformed_C: float,
-    anew: bool = False,
 ) -> None:
     """Keep what a wire shows cold, and the most since it certainly had not contracted.
 
@@ -41,8 +40,8 @@ def keep_cold(
 
     ``shown_Ohm``: smooth, NaN where none was measured; ``times``: how long this step was, in the longest time constants
     that the wire may have; ``rests``: no current flows, or the bias alone; ``is_cold``: it is no hotter than this wire
-    is as it begins to return, and shows what that shows cold; ``anew``: its resistance was not seen for a while, and
-    another wire may hang there since.  What is remembered begins at the ``first`` of ``state`` (:func:`begin_cold`).
+    is as it begins to return, and shows what that shows cold.  What is remembered begins at the ``first`` of ``state``
+    (:func:`begin_cold`).
     """
     if not rests:
         state[first + RESTED_times] = state[first + SEEN_times] = 0.0
@@ -51,8 +50,6 @@ def keep_cold(
         state[first + SEEN_times] += times if isfinite(shown_Ohm) else 0.0
     if not isfinite(shown_Ohm):
         return
-    if anew:
-        state[first + IS_IT], state[first + LEAST_Ohm] = 0.0, inf
     is_it = is_cold and state[first + IS_IT] >= 0.0
     if (is_it and rests) or (rests and state[first + RESTED_times] >= COLD_TIMES):
         state[first + COLD_Ohm] = shown_Ohm
@@ -68,6 +65,12 @@ def keep_cold(
     else:
         most_Ohm = inf
     state[first + MOST_Ohm] = most_Ohm
+
+
+@jit
+def ask_anew(state: Floats, first: int) -> None:
+    """Another wire may hang there since its resistance was last seen."""
+    state[first + IS_IT], state[first + LEAST_Ohm] = 0.0, inf
 
 
 def begin_cold(state: Floats, first: int) -> None:

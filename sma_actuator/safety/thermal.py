@@ -40,6 +40,7 @@ from .cold import (
     MOST_Ohm,
     RESTED_times,
     SEEN_times,
+    ask_anew,
     begin_cold,
     keep_cold,
 )
@@ -357,8 +358,9 @@ def _heat_step(
     returns_C = min(returns_at_most_C(return_C, stress_Pa, shifts_K_Pa[0], then_C), transformed_C)
     # Where any wire has returned by then that says nothing; this one's without a load, which is lower, does.
     cold_C = returns_C if returns_C < transformed_C else min(return_C, transformed_C)
-    anew = state[_BY_ITSELF + _GAP_s] + dt_s >= LONG_AGO_s
-    known_Ohm, may_be_it = cold_Ohm(transforms, stress_Pa), anew or state[_COLD + IS_IT] >= 0.0
+    if isfinite(resistance_Ohm) and state[_BY_ITSELF + _GAP_s] + dt_s >= LONG_AGO_s:
+        ask_anew(state, _COLD)
+    known_Ohm, may_be_it = cold_Ohm(transforms, stress_Pa), state[_COLD + IS_IT] >= 0.0
     was_seen = isfinite(state[_BY_ITSELF + _SHOWN_Ohm])
     cold_shown = may_be_it and shows_cold(transforms, state[_BY_ITSELF + _SHOWN_Ohm], stress_Pa, known_Ohm)
     falls_C = cooling_C(
@@ -385,7 +387,7 @@ def _heat_step(
     cold_shown = may_be_it and shows_cold(transforms, shown_Ohm, stress_Pa, known_Ohm)
     is_cold = cold_shown and at_most_C <= cold_C < transformed_C
     measured_Ohm = shown_Ohm if isfinite(resistance_Ohm) else nan
-    keep_cold(state, _COLD, measured_Ohm, dt_s / longest_s, rests, is_cold, at_most_C, transformed_C, anew)
+    keep_cold(state, _COLD, measured_Ohm, dt_s / longest_s, rests, is_cold, at_most_C, transformed_C)
     at_its_limit = most_C > max_C - HEADROOM_K - AT_LIMIT_K and at_most_C < shown_C
     alike = shown_Ohm < just_contracted_Ohm and shows_cold_no_more(known_Ohm, just_contracted_Ohm)
     cools = _cools(

@@ -529,6 +529,12 @@ class TestTheCalibratedWireItself:
         run(4.03, 1.0, 4.0)
         assert run(4.9, 1.0, 20.0).at_most_C < 151.0, "cold for certain, and as resistant as it was known to be"
 
+    def test_nor_is_it_told_by_its_first_reading(self, run):
+        run(4.03, 1.0, 4.0)
+        assert run(4.3, 1.0, 6.0).at_most_C > 190.0
+        run(math.nan, 0.0, 1.1)
+        assert run(4.9, 0.0, 0.05).at_most_C > 151.0
+
     def test_and_no_longer_than_that(self, run):
         run(4.0, 0.0, 4.0)
         run(4.2, 1.0, 20.0).let_cool()
