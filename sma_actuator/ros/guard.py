@@ -7,11 +7,13 @@ have, or a parameter of a type that does not exist, would do.  A request that is
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
@@ -88,26 +90,41 @@ async def _raise(error: Exception) -> None:
     raise error
 
 
-def spin(
+def spinning(
     node: Node,
+    name: str,
     on_error: Callable[[Exception], None],
     turn: Callable[[], None] = lambda: None,
     longest_wait_s: float | None = None,
-) -> None:
-    """Run the callbacks of one node until its context is shut down; ``on_error`` gets what raises in between.
+) -> threading.Thread:
+    """A thread of that ``name`` that runs the callbacks of one node until its context is shut down; it is started.
 
-    ``turn`` is called after each of them, and after ``longest_wait_s`` without any.
+    ``on_error`` gets what raises in between.  ``turn`` is called after each callback, and after ``longest_wait_s``
+    without any.
     """
-    executor = _Executor(context=node.context)
+    executor = _Executor(context=node.context)  # not in the thread: before its first turn the context may be gone
     executor.add_node(node)
-    while node.context.ok():
+    how = (executor, node.context, on_error, turn, longest_wait_s)
+    thread = threading.Thread(target=_spin, args=how, daemon=True, name=name)
+    thread.start()
+    return thread
+
+
+def _spin(
+    executor: _Executor,
+    context: Context,
+    on_error: Callable[[Exception], None],
+    turn: Callable[[], None],
+    longest_wait_s: float | None,
+) -> None:
+    while context.ok():
         try:
             executor.spin_once(longest_wait_s)
             turn()
         except ExternalShutdownException:
             return
         except Exception as error:  # noqa: BLE001 - reported; the other callbacks are as good as ever
-            if not node.context.ok():
+            if not context.ok():
                 return
             tell(on_error, error)
             time.sleep(PAUSE_s)

@@ -37,7 +37,7 @@ from sma_actuator.base.plug_ins import PlugInError
 from sma_actuator.base.streams import keep_standard_streams, unblockable_streams
 
 from . import arguments as ros_arguments
-from .guard import spin
+from .guard import spinning
 from .joint import JointNode
 from .publishers import TURN_PERIOD_s
 from .switch import Switch
@@ -80,10 +80,8 @@ def main(arguments: list[str] | None = None) -> int:
             gc.collect()
             every: list[SmaActuatorNode | JointNode] = [*nodes, *joints]
             for node in every:
-                how = (node, node.callback_failed, node.turn, TURN_PERIOD_s)
-                threads.append(threading.Thread(target=spin, args=how, daemon=True))
-                threads[-1].name = f"{node.get_name()} ROS"
-                threads[-1].start()
+                name = f"{node.get_name()} ROS"
+                threads.append(spinning(node, name, node.callback_failed, node.turn, TURN_PERIOD_s))
             while not fatal and not interrupts:
                 time.sleep(SIGNAL_INTERVAL_s)  # a signal does not end a sleep; it need not, it is short
         except ConfigError as error:

@@ -29,7 +29,7 @@ from std_srvs.srv import SetBool, Trigger
 from sma_actuator.base.local_stop import Reply, StopListener
 from sma_actuator.driver import OFF_MEANWHILE
 
-from .guard import spin
+from .guard import spinning
 
 #: Once switched off, a wire goes on again only where nobody has asked for anything for so long: who asks faster does
 #: not know of the off yet, and a person does not.
@@ -196,16 +196,9 @@ class Switch:
         for name in stops:
             _serve(stop, Trigger, name, lambda _, reply: self._stop_all(reply))
         self._threads = [
-            threading.Thread(
-                target=spin,
-                args=(node, lambda error: first.report(f"{type(error).__name__}: {error}")),
-                daemon=True,
-                name=node.get_name(),
-            )
+            spinning(node, node.get_name(), lambda error: first.report(f"{type(error).__name__}: {error}"))
             for node in (switch, stop)
         ]
-        for thread in self._threads:
-            thread.start()
         self._beside: StopListener | None = None
         try:
             self._beside = StopListener(stops, str(self._context.get_domain_id()), self._stop_all)

@@ -110,7 +110,7 @@ def spun(monkeypatch, *ends, **more):
     executor = Executor(ends, node)
     monkeypatch.setattr(guard, "_Executor", lambda context: executor if context is node.context else None)
     monkeypatch.setattr(guard.time, "sleep", paused_s.append)
-    guard.spin(node, told.append, lambda: turns.append(1), **more)
+    guard.spinning(node, "turns", told.append, lambda: turns.append(1), **more).join(10.0)
     assert executor.nodes == [node]
     return told, len(turns), paused_s, executor
 
@@ -128,6 +128,25 @@ def test_what_a_shutdown_raises_is_no_error(monkeypatch):
     told, _, paused_s, executor = spun(monkeypatch, None, ExternalShutdownException(), None)
     assert told == paused_s == [] and len(executor.ends) == 1
     assert spun(monkeypatch, ValueError("of a context that is gone"))[0] == []
+
+
+def test_a_context_that_is_gone_before_the_first_turn_is_no_error(monkeypatch):
+    """On a busy machine a thread may run for the first time when its node has been closed already."""
+    context, told = rclpy.Context(), []
+    rclpy.init(args=[], context=context)
+    node = rclpy.create_node("closed_at_once", context=context)
+    started, run = threading.Event(), threading.Thread.run
+
+    def run_late(thread):
+        assert started.wait(10.0)
+        run(thread)
+
+    monkeypatch.setattr(threading.Thread, "run", run_late)
+    thread = guard.spinning(node, "late", told.append)
+    rclpy.shutdown(context=context)
+    started.set()
+    thread.join(10.0)
+    assert not thread.is_alive() and told == []
 
 
 class Unreadable:
@@ -150,8 +169,7 @@ def test_what_cannot_be_taken_leaves_all_else_heard(client):
     node = rclpy.create_node("taker", context=context)
     broken, _ = (node.create_service(Trigger, f"~/{name}", answer) for name in ("broken", "whole"))
     kind, broken.srv_type = broken.srv_type, Unreadable()
-    thread = threading.Thread(target=guard.spin, args=(node, told.append))
-    thread.start()
+    thread = guard.spinning(node, "taker", told.append)
     try:
         asking = client.node.create_client(Trigger, "/taker/broken")
         client.spin_until(asking.service_is_ready)
