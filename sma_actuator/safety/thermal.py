@@ -116,9 +116,9 @@ class HeatBalance:
 
 
 #: What a thermometer remembers: the resistance, smooth, and the load of then; how long ago that is; the least
-#: resistance since the wire was certainly not hotter than it transforms at.
-_SHOWN_Ohm, _LOAD_N, _GAP_s, _LEAST_Ohm = range(4)
-THERMOMETER = 4
+#: resistance since the wire was certainly not hotter than it transforms at, and how hot it was then at the most.
+_SHOWN_Ohm, _LOAD_N, _GAP_s, _LEAST_Ohm, _THEN_C = range(5)
+THERMOMETER = 5
 
 
 @jit
@@ -138,7 +138,8 @@ def hottest_C(
     A wire that transforms shows less resistance the hotter it gets; one that has contracted, and is austenite
     all through, shows more.  So one that shows the least since it was certainly no hotter than any wire transforms at
     (``transformed_C``) is no hotter than that; and one that shows more than the least is either longer again or hotter
-    by what that makes of its austenite's resistance.  Both are counted as the second.
+    by what that makes of its austenite's resistance.  Both are counted as the second.  Where ``transformed_C`` is not
+    the same all the time, what it was when the wire showed the least counts, if that was more.
 
     ``at_most_C``: what was known before.  Resistance that comes with another load says nothing of heat.  A wire
     that has contracted shows no more than ``contracted_Ohm``, however hot it may be.  ``slope_1_K``: the least by which
@@ -156,14 +157,14 @@ def hottest_C(
         least_Ohm += resistance_Ohm - shown_Ohm
         shown_Ohm = resistance_Ohm
     shown_Ohm -= expm1(-gap_s / SMOOTH_s) * (resistance_Ohm - shown_Ohm)
-    if at_most_C < transformed_C or shown_Ohm > contracted_Ohm:
-        least_Ohm = shown_Ohm
-    least_Ohm = min(least_Ohm, shown_Ohm)
+    then_C = state[first + _THEN_C]
+    if at_most_C < transformed_C or shown_Ohm > contracted_Ohm or shown_Ohm <= least_Ohm:
+        least_Ohm, then_C = shown_Ohm, transformed_C
     state[first + _SHOWN_Ohm], state[first + _LOAD_N] = shown_Ohm, load_N
-    state[first + _GAP_s], state[first + _LEAST_Ohm] = 0.0, least_Ohm
+    state[first + _GAP_s], state[first + _LEAST_Ohm], state[first + _THEN_C] = 0.0, least_Ohm, then_C
     if not least_Ohm > 0.0:  # not known; or of no wire, as where the leads alone are measured
         return inf
-    return transformed_C + (shown_Ohm - least_Ohm) / (slope_1_K * least_Ohm)
+    return max(then_C, transformed_C) + (shown_Ohm - least_Ohm) / (slope_1_K * least_Ohm)
 
 
 @jit

@@ -201,10 +201,10 @@ class TestThermometer:
         state = floats(THERMOMETER)
         begin_thermometer(state, 0)
 
-        def run(resistance_Ohm, at_most_C=170.0, seconds=2.0, load_N=1.0, contracted_Ohm=math.inf):
+        def run(resistance_Ohm, at_most_C=170.0, seconds=2.0, load_N=1.0, contracted_Ohm=math.inf, own_C=150.0):
             for _ in range(round(seconds / 0.05)):
                 found_C = hottest_C(
-                    state, 0, resistance_Ohm, load_N, 0.05, at_most_C, 150.0, contracted_Ohm, LEAST_SLOPE_1_K
+                    state, 0, resistance_Ohm, load_N, 0.05, at_most_C, own_C, contracted_Ohm, LEAST_SLOPE_1_K
                 )
             return found_C
 
@@ -222,6 +222,15 @@ class TestThermometer:
         shown_C(5.0, at_most_C=100.0)
         shown_C(4.5)
         assert shown_C(4.5 * (1.0 + 20.0 * LEAST_SLOPE_1_K)) == pytest.approx(170.0, abs=0.1)
+
+    def test_what_it_transforms_below_now_says_nothing_of_when_it_showed_the_least(self, shown_C):
+        """By the heat balance it was 130 °C then, and cools: in a wire at 162 °C that balance called 120."""
+        shown_C(5.0, at_most_C=100.0)
+        shown_C(4.5, own_C=130.0)
+        hotter_Ohm = 4.5 * (1.0 + 32.0 * LEAST_SLOPE_1_K)
+        assert shown_C(hotter_Ohm, own_C=120.0) == pytest.approx(162.0, abs=0.1)
+        assert shown_C(hotter_Ohm, own_C=140.0) == pytest.approx(172.0, abs=0.1), "and more than that counts too"
+        assert shown_C(4.49, own_C=120.0) == pytest.approx(120.0, abs=0.1), "until it shows less"
 
     def test_a_wire_that_is_certainly_cool_begins_anew(self, shown_C):
         shown_C(5.0, at_most_C=100.0)
