@@ -93,16 +93,16 @@ def derived(mapping: Mapping[str, Any]) -> dict[str, Derived]:
         return given(name, value)
 
     capacity, loss, still = _settle_heat(wire, given, settle)
-    _settle_supply(wire, min(loss, still), given, settle)
+    usual_A = _settle_supply(wire, min(loss, still), given, settle)
     lag_s = settle(
         "estimator.thermal_time_constant",
         _digits(LATENT * capacity / loss, 2),
         f"{LATENT:g} · heat_capacity / heat_loss: latent heat makes the wire slower; identify measures it",
     )
     readings = _settle_rate(capacity / loss, given, settle)
-    most_A = given("supply.max_current", out["supply.max_current"].value)
+    usual_A = min(usual_A, given("supply.max_current", usual_A))
     steady_A_m = _steady_A_m(wire, mapping, given, capacity, loss, readings * loss / capacity)
-    _settle_gains(wire, most_A, lag_s, readings, steady_A_m, settle)
+    _settle_gains(wire, usual_A, lag_s, readings, steady_A_m, settle)
     _settle_bounds(wire, settle)
     return out
 
@@ -141,14 +141,24 @@ def _settle_heat(wire: Wire, given: Any, settle: Any) -> tuple[float, float, flo
     return capacity, loss, still
 
 
-def _settle_supply(wire: Wire, loss_W_K: float, given: Any, settle: Any) -> None:
+def _settle_supply(wire: Wire, loss_W_K: float, given: Any, settle: Any) -> float:
+    """What flows at the least and at the most; returns the current [A] that holds derate_temperature by the usual
+    figures.
+
+    A wire that loses more than these say, as far as that is known, is to contract too: where a watchdog ends the
+    current of a dead computer, and the heat limit bends what flows before, it gets the current for that.
+    """
     hot_Ohm = wire.resistance_Ohm(HOT_RESISTIVITY_Ohm_m)
     ambient_C = given("thermal.ambient_temperature", _AMBIENT_C)
     derate_C = given("thermal.derate_temperature", _DERATE_C)
     hottest_C = given("thermal.max_temperature", _HOTTEST_C) - _TRIP_HEADROOM_K
 
-    def steady_A(temperature_C: float) -> float:
-        exact_A = holding_A(temperature_C - ambient_C, hot_Ohm, loss_W_K)
+    watched = given("supply.watchdog_timeout", 1.0) > 0.0
+    times = CAPACITY_WITHIN if watched else 1.0
+    more = f" in a wire that loses {times:g} times as much" if watched else ""
+
+    def steady_A(temperature_C: float, times: float = 1.0) -> float:
+        exact_A = holding_A(temperature_C - ambient_C, hot_Ohm, times * loss_W_K)
         unit_A = 10.0 ** (math.floor(math.log10(exact_A)) - 2)
         return _digits(math.floor(exact_A / unit_A) * unit_A, 3)  # rounded down: it is a limit
 
@@ -159,14 +169,15 @@ def _settle_supply(wire: Wire, loss_W_K: float, given: Any, settle: Any) -> None
     )
     most_A = settle(
         "supply.max_current",
-        steady_A(derate_C),
+        steady_A(derate_C, times),
         f"for ever in still air of {ambient_C:g} °C: {derate_C:g} °C (derate_temperature), by I² · {hot_Ohm:.3g} Ω / "
-        f"{loss_W_K:.3g} W/K",
+        f"{loss_W_K:.3g} W/K{more}",
     )
     settle(
         "supply.over_current_trip",
-        max(steady_A(hottest_C), most_A),
-        f"for ever in still air of {ambient_C:g} °C: {hottest_C:g} °C, {_TRIP_HEADROOM_K:g} K below max_temperature",
+        max(steady_A(hottest_C, times), most_A),
+        f"for ever in still air of {ambient_C:g} °C: {hottest_C:g} °C, {_TRIP_HEADROOM_K:g} K below max_temperature"
+        f"{more}",
     )
     sense_Ohm, leads_Ohm = given("circuit.reference_resistance", 0.0), given("circuit.lead_resistance", 0.0)
     sense_Ohm = 0.0 if math.isnan(sense_Ohm) else sense_Ohm
@@ -176,6 +187,7 @@ def _settle_supply(wire: Wire, loss_W_K: float, given: Any, settle: Any) -> None
         max(math.ceil(12.5 * most_A * total_Ohm) / 10.0, 0.1),
         f"max_current through wire, sense resistor and leads, {total_Ohm:.3g} Ω, and a quarter more",
     )
+    return steady_A(derate_C)
 
 
 def not_survived(wire: Wire, supply: SupplyParameters, thermal: ThermalParameters) -> str:
@@ -213,12 +225,12 @@ def _settle_rate(time_constant_s: float, given: Any, settle: Any) -> float:
     return time_constant_s * rate_Hz
 
 
-def _settle_gains(wire: Wire, most_A: float, lag_s: float, readings: float, steady_A_m: float, settle: Any) -> None:
+def _settle_gains(wire: Wire, usual_A: float, lag_s: float, readings: float, steady_A_m: float, settle: Any) -> None:
     """No kd: it doubles what noise makes of the current, and buys no error (docs/control.md)."""
     slow = min(readings / READINGS, 1.0)
-    usual_A_m = 4.0 * slow * most_A / wire.full_stroke_m
+    usual_A_m = 4.0 * slow * usual_A / wire.full_stroke_m
     less = f", times {slow:.2g}: {readings:.2g} readings in heat_capacity / heat_loss instead of {READINGS:g}"
-    why = f"an error of a quarter of the full stroke asks for all of max_current{less if slow < 1.0 else ''}"
+    why = f"an error of a quarter of the full stroke asks for {usual_A:.3g} A{less if slow < 1.0 else ''}"
     times, part = 4.0, "quarter"
     if steady_A_m < usual_A_m:
         why = f"with more, {usual_A_m:.2g}, a wire that transforms within so few kelvins swings about its setpoint"

@@ -14,6 +14,7 @@ from sma_actuator.base.parameters import ConfigError
 from sma_actuator.config import require_sense_resistor
 from sma_actuator.logs.cycles import HOT_PART
 from sma_actuator.logs.kinds import FOLLOWED, FULL, LEVELS, MANY, PARTIAL
+from sma_actuator.safety.transformed import CAPACITY_WITHIN
 
 from .programs import FROM_COLD, every_ordered_pair
 from .rig import attended
@@ -167,7 +168,7 @@ def _pulse(config, options: PlanOptions) -> _Pulse:
     if ramp_s and not options.heat_current_A:
         heat_A = min(heat_A, unguarded_current_A(config))
     hottest_C = thermal.ambient_temperature + held_rise_K(
-        heat_A, typical_resistance_Ohm(config.wire), thermal.heat_loss
+        heat_A, typical_resistance_Ohm(config.wire), CAPACITY_WITHIN * thermal.heat_loss
     )
     if not config.supply.bias_current < heat_A <= config.supply.max_current:
         raise ConfigError(
@@ -176,7 +177,8 @@ def _pulse(config, options: PlanOptions) -> _Pulse:
         )
     if not hottest_C <= thermal.max_temperature:
         raise ConfigError(
-            f"heat current: {heat_A:g} A would bring the wire to {hottest_C:.0f} °C, above thermal.max_temperature"
+            f"heat current: {heat_A:g} A would bring the wire to {hottest_C:.0f} °C, above thermal.max_temperature, "
+            f"even if it lost {CAPACITY_WITHIN:g} times thermal.heat_loss"
         )
     return _Pulse(
         heat_A=heat_A,
@@ -352,8 +354,9 @@ def default_heat_current_A(config) -> float:
 
 
 def largest_heat_current_A(config) -> float:
-    """The current whose steady temperature is that of derating."""
-    return _held_current_A(config, config.thermal.derate_temperature - config.thermal.ambient_temperature)
+    """The current whose steady temperature is that of derating, in a wire that loses as much more as is not known."""
+    thermal = config.thermal
+    return _held_current_A(config, CAPACITY_WITHIN * (thermal.derate_temperature - thermal.ambient_temperature))
 
 
 def unguarded_current_A(config) -> float:

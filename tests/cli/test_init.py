@@ -26,6 +26,7 @@ from sma_actuator.console import refuse_to_overwrite
 from sma_actuator.derived import HOT_RESISTIVITY_Ohm_m, derived, with_derived, without_derived
 from sma_actuator.instruments.dialect import FOLDER, Dialect
 from sma_actuator.logs.units import quantity
+from sma_actuator.safety.transformed import CAPACITY_WITHIN
 
 ANSWERS = {
     "wire.alloy": "ni-ti",
@@ -76,7 +77,7 @@ def test_answers_at_a_pipe_make_a_file_that_says_where_every_limit_comes_from(tm
         (bench.supply.max_current, bench.thermal.derate_temperature),
         (bench.supply.over_current_trip, bench.thermal.max_temperature),
     ):
-        settled_C = 30.0 + current_A**2 * hot_Ohm / bench.thermal.heat_loss
+        settled_C = 30.0 + current_A**2 * hot_Ohm / (CAPACITY_WITHIN * bench.thermal.heat_loss)
         assert limit_C - 8.0 < settled_C <= limit_C
     text = out.read_text()
     for name in derived(mapping):
@@ -107,7 +108,7 @@ def test_a_coil_or_a_bundle_gets_limits_of_its_own(tmp_path, capsys, form, load_
     assert bench.wire.full_stroke_m == bench.wire.full_stroke == stroke_m
     assert bench.controller.setpoint_rate_limit == pytest.approx(2.5 * stroke_m, rel=0.05)
     hot_Ohm = bench.wire.resistance_Ohm(HOT_RESISTIVITY_Ohm_m)
-    settled_C = 30.0 + bench.supply.max_current**2 * hot_Ohm / bench.thermal.heat_loss
+    settled_C = 30.0 + bench.supply.max_current**2 * hot_Ohm / (CAPACITY_WITHIN * bench.thermal.heat_loss)
     assert settled_C == pytest.approx(bench.thermal.derate_temperature, abs=8.0)
 
 
@@ -280,6 +281,16 @@ def test_limits_hold_for_still_air_whatever_loss_is_measured(times):
     bench_from_mapping(mapping | {"instruments": {}})  # and such a file is taken
 
 
+def test_a_watchdog_lets_a_wire_contract_that_loses_more_than_by_geometry():
+    """As far as that is known; the gains stay, and without a watchdog a dead computer's current flows on."""
+    mapping = {"wire": {"alloy": "ni-ti", "length": 0.1, "diameter": 0.1524e-3}}
+    watched = derived(mapping)
+    unwatched = derived(mapping | {"supply": {"watchdog_timeout": 0.0}})
+    for name in ("supply.max_current", "supply.over_current_trip"):
+        assert (watched[name].value / unwatched[name].value) ** 2 == pytest.approx(CAPACITY_WITHIN, rel=0.01)
+    assert watched["controller.kp"].value == unwatched["controller.kp"].value
+
+
 @pytest.mark.parametrize("times", [0.6, 1.0, 1.2, 1.9])
 def test_without_a_watchdog_the_current_of_a_dead_computer_is_what_a_wire_in_still_air_survives(times):
     """By what is known of its heat loss, within a quarter, however much more a fan takes away now."""
@@ -310,7 +321,7 @@ def test_gains_are_less_where_a_wire_is_not_read_as_often_as_it_wants(diameter_m
     """25 µm at 100 Hz, 7 readings in its time constant: with the usual gains the loop swings by 7 % of the stroke."""
     loop = {} if rate_Hz is None else {"loop": {"rate": rate_Hz}}
     found = derived({"wire": {"alloy": "ni-ti", "length": 0.1, "diameter": diameter_m}, **loop})
-    usual = 4.0 * found["supply.max_current"].value / 4e-3
+    usual = 4.0 * found["supply.max_current"].value / CAPACITY_WITHIN**0.5 / 4e-3
     assert found["controller.kp"].value == pytest.approx(share * usual, rel=0.05)
     assert ("readings" in found["controller.kp"].why) == (share < 1.0)
 
