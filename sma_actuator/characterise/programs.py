@@ -88,16 +88,25 @@ def warmed(from_A: float, to_A: float, ramp_s: float) -> Generator[Drive, Signal
 
 
 def contracted(
-    current_A: float, heat_s: float, most_A: float, cold_m: float = nan, expands_m: float = 0.0
+    current_A: float,
+    heat_s: float,
+    most_A: float,
+    longest_s: float = 0.0,
+    cold_m: float = nan,
+    expands_m: float = 0.0,
 ) -> Generator[Drive, Signals, float]:
     """``heat_s`` at the current, then more of it, up to ``most_A``, while the wire contracts further with more, or has
     moved by less than ``expands_m``, which a wire does that does not transform yet; the last that it did with.
-    ``cold_m``: as ``from_m`` of :func:`rest`."""
+
+    With ``most_A`` it is given as long as it contracts, up to ``longest_s`` in all: under a heavy load it may be warm
+    enough by then, and not be there yet.  ``cold_m``: as ``from_m`` of :func:`rest`.
+    """
     signals = yield Drive(current_A)
+    end_s = signals.time_s + longest_s
     cold_m = signals.reference_displacement_m if isnan(cold_m) else cold_m
     yield from hold(current_A, heat_s)
     signals = yield Drive(current_A)
-    while current_A < most_A:
+    while current_A < most_A or signals.time_s < end_s:
         before_m, more_A = signals.reference_displacement_m, min(MORE_POWER**0.5 * current_A, most_A)
         yield from hold(more_A, MORE_TIME * heat_s)
         signals = yield Drive(more_A)
@@ -133,7 +142,7 @@ def square_pulses(
     for _ in range(cycles):
         cold_m = (yield from warmed(bias_current_A, heat_current_A, ramp_s)) if ramp_s else nan
         if most_A > heat_current_A:
-            heat_current_A = yield from contracted(heat_current_A, heat_s, most_A, cold_m, expands_m)
+            heat_current_A = yield from contracted(heat_current_A, heat_s, most_A, longest_heat_s, cold_m, expands_m)
             most_A = 0.0
         else:
             yield from rest(heat_current_A, heat_s, longest_heat_s, cold_m)

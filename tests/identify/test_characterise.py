@@ -81,6 +81,22 @@ def test_a_wire_that_still_contracts_is_heated_further(done_at_A, found_A):
     assert max(driven) <= 0.4 and pulses[0][:100] == [0.3] * 100
 
 
+@pytest.mark.parametrize(("slow_s", "lasted_s"), [(0.2, 9.0), (6.0, 21.6), (60.0, 24.6)])
+def test_a_wire_that_still_contracts_with_all_the_current_is_given_time(slow_s, lasted_s):
+    """Under a heavy load it is warm enough after a while only: at rest within 0.2 s, once ``exp(-t / 6 s)`` falls by no
+    more than 2 % in 3 s, and when ``longest_heat_s`` is over."""
+    program = square_pulses(1, 0.35, 0.05, heat_s=6.0, cool_s=6.0, most_A=0.35 * 1.05**0.5, longest_heat_s=24.0)
+    time_s, on_s = 0.0, 0.0
+    drive = next(program)
+    with contextlib.suppress(StopIteration):
+        while True:
+            time_s += 0.05
+            on_s += 0.05 * (drive.current_A > 0.1)
+            at_m = -4e-3 * (1.0 - math.exp(-on_s / slow_s))
+            drive = program.send(SimpleNamespace(time_s=time_s, reference_displacement_m=at_m))
+    assert on_s == pytest.approx(lasted_s, abs=0.3)
+
+
 @pytest.mark.parametrize(("begins_at_A", "found_A"), [(0.2, 0.3), (0.31, 0.322), (0.33, 0.345), (9.9, 0.4)])
 def test_a_wire_that_does_not_contract_yet_is_heated_further(begins_at_A, found_A):
     """It expands, as one does under a heavy weight until it is hot enough; each step is 15 % more power."""
