@@ -165,9 +165,10 @@ def learn(experiments: Sequence[Experiment], thermal_time_constant_s: float) -> 
         out[f"{name}_resistance"] = rounded(middle[:, 1], 6)
         out[f"{name}_displacement"] = rounded(middle[:, 2], 8)
         if hot:
-            out["hot_power"] = float(power_W)
+            # That of these rests, and not of those that are less hot.
+            out["hot_power"] = hot_W = float(np.median(rows[:, 3]))
             out["hot_to_go"] = round(float(np.sqrt(np.mean(rows[:, 4] ** 2))), 8)
-            out["hot_longer"] = _longer(between[np.abs(between[:, 3] / power_W - 1.0) <= AS_HOT], middle)
+            out["hot_longer"] = _longer(between[np.abs(between[:, 3] / hot_W - 1.0) <= AS_HOT], middle)
         else:
             out["cold_power"] = float(np.median(rows[:, 3]))
         # What one that moves has yet to go is known of each by itself.

@@ -181,6 +181,14 @@ def test_a_wire_that_is_held_between_its_ends_is_at_neither_but_shows_how_far_of
     np.testing.assert_allclose(rest.hot_longer, np.array((0.3e-3, 0.6e-3)) / less_W, rtol=1e-3)
 
 
+def test_the_power_of_the_hot_end_is_that_at_which_its_resistance_was_seen():
+    """Where a guard takes the current back most rests are less hot than those that are the end; by their power the same
+    wire, held with as little, had nine milliohms less than it should, three standard deviations at every rest."""
+    log = held(1.0, *((0.05, 0.0), (0.3, 1.0), (0.05, 0.0), (0.3, 1.0)), *((0.05, 0.0), (0.28, 1.0)) * 4)
+    rest = learn([log], 1.0)
+    assert rest.hot_power == pytest.approx(0.3**2 * 5.0, rel=1e-3)
+
+
 def test_a_wire_that_is_held_with_less_power_may_be_as_much_longer_as_it_was_at_the_calibration():
     seen = replace(CALIBRATION.rest, hot_longer=(1e-4, 2e-3, 6e-3), cold_power=0.005)
     known = replace(USUAL, calibration=replace(CALIBRATION, rest=seen))

@@ -231,7 +231,7 @@ def test_a_hot_rest_counts_though_the_wire_is_not_quite_as_hot_as_at_the_calibra
     is."""
     off = {}
     for hidden in ({}, {"lead_resistance": 0.03}):
-        evidence = Evidence(session(wire[0], hidden, logs=logs, heat=0.85), config)
+        evidence = Evidence(session(wire[0], hidden, logs=logs, heat=0.9), config)
         off[len(hidden)] = errors_of(evidence.compare({})).witnesses["resistance at hot rest"]
     assert 0.0 < off[0] < 1.0 and off[1] > off[0] + 1.0
 
