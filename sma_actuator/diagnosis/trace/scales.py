@@ -42,7 +42,7 @@ def scales_of(evidence: Evidence) -> Scales:
         current_A=float(np.percentile(current_A, 98.0)),
         voltage_V=float(np.percentile(current_A * resistance_Ohm, 98.0)),
         load_N=middle_N,
-        load_range_N=_spread(load_N),
+        most_load_N=float(np.percentile(np.abs(load_N), 99.0)),
         power_W=high_W,
         rise_K=high_W / config.thermal.heat_loss,
         duration_s=evidence.logs.duration_s,

@@ -22,7 +22,7 @@ class Scales:
     current_A: float
     voltage_V: float
     load_N: float
-    load_range_N: float
+    most_load_N: float  #: that is shown
     power_W: float
     rise_K: float  #: above ambient, at that power
     duration_s: float

@@ -91,8 +91,7 @@ class LoadCellNonlinearity(Effect):
     def free(cls, scales: Scales) -> list[Free]:
         """What a fit may vary."""
         # Where 1 + 4bF vanishes no more load is shown: a fit that came beyond would stay there.
-        most_N = scales.load_N + scales.load_range_N
-        return [size("bend", 0.6 / scales.load_N, 0.1 / scales.load_N, -0.24 / most_N)]
+        return [size("bend", 0.6 / scales.load_N, 0.1 / scales.load_N, -0.24 / scales.most_load_N)]
 
     @classmethod
     def untestable(cls, scales: Scales) -> str:

@@ -179,6 +179,13 @@ def test_a_name_that_leaves_one_witness_far_off_is_not_given(wire, config):
     assert found.verdict == "traced" and found.fit.names == ("load_cell_nonlinearity",)
 
 
+def test_a_load_cell_may_bend_until_it_shows_no_more_than_the_largest_load(clean):
+    """With the middle load and all their spread for the largest one a cell that was bent twice as far as in the trial's
+    other cases was none: "the end of what is possible"."""
+    bend, most_N = candidate("load_cell_nonlinearity", scales_of(clean)).free[0], 1.96
+    assert 0.94 < -4.0 * bend.low * most_N < 1.0
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("middle_m", [2.5e-4, -2.5e-4])
 def test_a_reference_sensor_that_is_not_straight_is_named_and_one_whose_slope_waves_is_not(wire, config, middle_m):
