@@ -30,7 +30,10 @@ class Limits:
         0.0,
     )
     straight: float = parameter(
-        0.003, "how straight the line of a spring is, in the mean over a heating or cooling", "of full stroke", 0.0
+        0.003,
+        "how straight the line of a spring is, in the mean over a heating or cooling and over the middle of its way",
+        "of full stroke",
+        0.0,
     )
     heat_balance: float = parameter(
         0.05, "how well the heat balance of another log is known, whatever its calibration repeated", "of the rise", 0.0

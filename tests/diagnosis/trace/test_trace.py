@@ -271,6 +271,15 @@ def test_a_spring_tells_a_drifting_sensor_from_a_creeping_wire(wire, config, log
     assert wrong.nats < -1.0 and wrong.by_witness[line] < 0.0
 
 
+def test_a_spring_tells_a_load_cell_that_is_not_straight_from_one_of_another_slope(wire, config):
+    """Its line goes through the middle of its way where it should, and so does one that is as steep again."""
+    evidence = Evidence(session(wire[0], {"load_cell_nonlinearity": 0.1}, load=Spring(300.0, 0.5), logs=1), config)
+    right, wrong = beside(evidence, "load_cell_nonlinearity", "load_cell_gain")
+    bend = "bend of load against displacement"
+    assert right.before.witnesses[bend] > 1.5 > 0.5 > right.after.witnesses[bend]
+    assert wrong.nats < -1.0 and wrong.by_witness[bend] < -0.5
+
+
 def test_a_load_that_is_read_a_reading_later_than_the_displacement_is_nothing(wire, config):
     """Converters take one channel after the other, and filter each; a displacement that is far later is a delay."""
     logs, found = session(wire[0], load=Spring(300.0, 0.5), logs=1), {}
