@@ -99,8 +99,9 @@ class ReferenceNonlinearity(Effect):
         stroke_m = scales.stroke_m
         return [
             size("bend", 2.0 / stroke_m, 0.1 / stroke_m),
-            Free("low", -0.5 * stroke_m, 0.5 * stroke_m, stroke_m, (0.0,), False),
-            Free("high", 0.0, 1.5 * stroke_m, stroke_m, (stroke_m,), False),
+            # A sensor may have twice the stroke as its range, and the stroke may lie anywhere in that.
+            Free("low", -stroke_m, 0.5 * stroke_m, stroke_m, (0.0,), False),
+            Free("high", 0.5 * stroke_m, 2.0 * stroke_m, stroke_m, (stroke_m,), False),
         ]
 
 

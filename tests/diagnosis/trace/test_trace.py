@@ -186,6 +186,14 @@ def test_a_load_cell_may_bend_until_it_shows_no_more_than_the_largest_load(clean
     assert 0.94 < -4.0 * bend.low * most_N < 1.0
 
 
+def test_a_reference_sensor_that_is_not_straight_may_have_twice_the_range_of_the_wire(wire, config):
+    """Of 2.4 mm of stroke the trial's sensor of 4 mm was a gain, with 100 %."""
+    logs = session(wire[0], {"reference_nonlinearity": 1.8e-4}, load=Spring(300.0, 0.5), seed=7, logs=1)
+    alike = all_but("reference_gain", "reference_nonlinearity", "load_cell_gain", "load_cell_nonlinearity")
+    found = trace(Evidence(logs, config), without=alike, jobs=1)
+    assert found.verdict == "traced" and found.names == ["reference_nonlinearity"]
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("middle_m", [2.5e-4, -2.5e-4])
 def test_a_reference_sensor_that_is_not_straight_is_named_and_one_whose_slope_waves_is_not(wire, config, middle_m):
