@@ -23,16 +23,18 @@ def pairs(rows: Rows, alone: Sequence[Hypothesis], jobs: int, progress: Progress
     """Two effects at once, with what each had before the logs, of which any two were as likely.
 
     What each effect moves alone says of all of them at once which promise most; these are sketched from where the
-    better of the two was fitted, and of those that do better than any one effect that may have happened the best few
-    are fitted.  One that happens once is fitted beside that one whatever its sketch: when it was, it was looked for
-    alone; and from there too, since without it the other one had to take its part.
+    better of the two was fitted, and so is each other one beside the best: one step from nothing says little of what is
+    large.  Of those that do better than any one effect that may have happened the best few are fitted.  One that
+    happens once is fitted beside that one whatever its sketch: when it was, it was looked for alone; and from there
+    too, since without it the other one had to take its part.
     """
     # What is none alone may be there beside another, which it had to take the part of; it is no measure for them.
     ranked = sorted(alone, key=lambda one: (bool(one.why_none), -one.log_evidence))
     to_beat = max([rows.nothing().log_evidence, *(one.log_evidence for one in ranked if not one.why_none)])
-    beside: dict[int, list[Hypothesis]] = {}
+    beside: dict[int, list[Hypothesis]] = {0: list(ranked[1:])}
     for first, other in promising(rows, ranked):
-        beside.setdefault(first, []).append(ranked[other])
+        if first:
+            beside.setdefault(first, []).append(ranked[other])
     sketched: list[tuple[float, Hypothesis, Hypothesis]] = []
     with spread(jobs) as run:
         calls = [
