@@ -23,14 +23,13 @@ from .calibration import Line, fit_line
 from .following import ModelFollower
 from .operators import Operator
 from .plan import OUTERMOST, Part
-from .programs import Program, held_currents, hold, partial_cycles, square_pulses
+from .programs import HELD_BACK, Program, held_currents, hold, partial_cycles, square_pulses
 from .rig import Rig
 from .training import Ends
 
 Progress = Callable[[float], None]
 #: What a load cell that is not calibrated yet may seem to show; no more than the bias flows meanwhile.
 UNCALIBRATED = ("reading_implausible", "stress_above_limit")
-HELD_BACK = 0.98  #: share of the current that was asked for, below which a limit holds a wire back
 PATIENCE = 4.0  #: a pulse and the pause after it are at most so many times as long, while the wire still moves
 
 

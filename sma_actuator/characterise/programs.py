@@ -13,6 +13,8 @@ from math import isnan, nan
 from statistics import fmean
 from typing import Protocol
 
+import numpy as np
+
 from sma_actuator.base.signals import Signals
 from sma_actuator.control.setpoints import constant, sine, triangle
 
@@ -41,6 +43,11 @@ class Following(Protocol):
 #: ``identify`` takes for a full cycle (``kinds``: 0.08 in the same part), so that what is measured here is one.
 STILL, STILL_PART = 0.06, 0.15
 
+
+#: Share of the current that was asked for, below which a limit holds a wire back.
+HELD_BACK = 0.98
+#: One that a limit holds back, and that stands for this share of a pause, two time constants, gets no further so.
+STANDS = 1.0 / 3.0
 
 #: While a wire still contracts it is given so many times the power, each time for so much of a pulse's heating; and it
 #: does where that made it shorter by this share of all that it has contracted.
@@ -190,17 +197,42 @@ def partial_cycles(
 ) -> Program:
     """On-off control on the measured position between every ordered pair of set points (4.1.3).
 
-    A move that has not arrived after ``move_timeout_s`` is given up for the next one.
+    A move that has not arrived after ``move_timeout_s`` is given up for the next one.  A wire whose resistance does not
+    tell half way how hot it is may be held there by the heat limit: it is let cool, and goes there in one go.
     """
     yield from hold(bias_current_A, 1.0)
     signals = yield Drive(bias_current_A)
+    stands_m, patience_s = STILL_CONTRACTS * float(np.ptp(set_points_m)), STANDS * cool_s
     for place in every_ordered_pair(len(set_points_m)):
         target_m = set_points_m[place]
-        contract = signals.reference_displacement_m > target_m
-        end_s = signals.time_s + move_timeout_s
-        while signals.time_s < end_s and (signals.reference_displacement_m > target_m) == contract:
-            signals = yield Drive(heat_current_A if contract else bias_current_A, target_m)
+        if signals.reference_displacement_m > target_m:
+            drive = Drive(heat_current_A, target_m)
+            signals = yield from _shortened(signals, drive, move_timeout_s, stands_m, patience_s)
+            if signals.reference_displacement_m > target_m and signals.current_A < HELD_BACK * heat_current_A:
+                yield from hold(bias_current_A, cool_s)
+                signals = yield Drive(bias_current_A)
+                signals = yield from _shortened(signals, drive, move_timeout_s, stands_m, patience_s)
+        else:
+            end_s = signals.time_s + move_timeout_s
+            while signals.time_s < end_s and not signals.reference_displacement_m > target_m:
+                signals = yield Drive(bias_current_A, target_m)
     yield from hold(bias_current_A, cool_s)
+
+
+def _shortened(
+    signals: Signals, drive: Drive, longest_s: float, stands_m: float, patience_s: float
+) -> Generator[Drive, Signals, Signals]:
+    """A current until the wire is as short as the setpoint, for so long, or until a limit holds it back and it stands;
+    what was measured last."""
+    end_s, since_s, from_m = signals.time_s + longest_s, signals.time_s, signals.reference_displacement_m
+    while signals.reference_displacement_m > drive.setpoint_m and signals.time_s < end_s:
+        signals = yield drive
+        here_m, is_held_back = signals.reference_displacement_m, signals.current_A < HELD_BACK * drive.current_A
+        if not is_held_back or abs(here_m - from_m) > stands_m:
+            since_s, from_m = signals.time_s, here_m
+        elif signals.time_s - since_s >= patience_s:
+            break
+    return signals
 
 
 def held_currents(currents_A: Sequence[float], hold_s: float, cool_s: float) -> Program:
@@ -208,10 +240,24 @@ def held_currents(currents_A: Sequence[float], hold_s: float, cool_s: float) -> 
 
     So the wire is seen at temperatures where on/off moves only pass, and on the way to them with every power.  The
     first current is the one it rests with.
+
+    A wire whose resistance does not tell half way how hot it is may be held there by the heat limit, however much is
+    asked for: where it has not come as far as with this current before, it is let cool, and goes there in one go.
     """
     yield from hold(currents_A[0], 1.0)
+    cold_m = (yield Drive(currents_A[0])).reference_displacement_m
+    furthest_m = dict[int, float]()
     for move, place in enumerate(every_ordered_pair(len(currents_A))):
-        yield from hold(currents_A[place], hold_s if move % 2 else 0.5 * hold_s)
+        current_A, held_s = currents_A[place], hold_s if move % 2 else 0.5 * hold_s
+        yield from hold(current_A, held_s)
+        signals = yield Drive(current_A)
+        way_m = abs(signals.reference_displacement_m - cold_m)
+        if signals.current_A < HELD_BACK * current_A and way_m < (1.0 - STILL) * furthest_m.get(place, 0.0):
+            yield from hold(currents_A[0], cool_s)
+            yield from hold(current_A, held_s)
+            signals = yield Drive(current_A)
+            way_m = abs(signals.reference_displacement_m - cold_m)
+        furthest_m[place] = max(way_m, furthest_m.get(place, 0.0))
     yield from hold(currents_A[0], cool_s)
 
 

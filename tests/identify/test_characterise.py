@@ -23,7 +23,14 @@ from sma_actuator.characterise import PlanOptions, characterise, make_plan
 from sma_actuator.characterise.calibration import fit_line
 from sma_actuator.characterise.parts import RUN
 from sma_actuator.characterise.plan import typical_resistance_Ohm
-from sma_actuator.characterise.programs import every_ordered_pair, held_currents, hold, square_pulses, trained
+from sma_actuator.characterise.programs import (
+    every_ordered_pair,
+    held_currents,
+    hold,
+    partial_cycles,
+    square_pulses,
+    trained,
+)
 from sma_actuator.characterise.rig import ATTENDED_MARGIN
 from sma_actuator.characterise.training import ENOUGH, FEWEST, Ends, left_to_go
 from sma_actuator.cli.main import main
@@ -245,15 +252,74 @@ def test_a_half_trained_wire_is_trained_on_before_it_is_measured(tmp_path):
     assert "Training: where the ends of the wire went" in (tmp_path / "calibration.html").read_text()
 
 
+def signals_of(time_s, current_A, displacement_m):
+    return SimpleNamespace(time_s=time_s, current_A=current_A, reference_displacement_m=displacement_m)
+
+
+class HeldBackHalfWay:
+    """A wire that the heat limit holds where it is, unless it has rested for so long: from there it goes in one go."""
+
+    def __init__(self, cool_s):
+        self.cool_s = cool_s
+        self.time_s, self.at_m, self.rested_s, self.in_one_go = 0.0, 4e-3, cool_s, True
+
+    def step(self, asked_A, dt_s=0.05):
+        self.time_s += dt_s
+        heated_m = 4e-3 * (1.0 - min((asked_A / 0.3) ** 2, 1.0))
+        if asked_A <= 0.05:
+            self.rested_s += dt_s
+            self.at_m += 1e-3 * dt_s if self.at_m < 4e-3 else 0.0
+            self.in_one_go = self.rested_s >= self.cool_s
+            return signals_of(self.time_s, asked_A, self.at_m)
+        self.rested_s = 0.0
+        if not self.in_one_go and heated_m < self.at_m:
+            return signals_of(self.time_s, 0.6 * asked_A, self.at_m)
+        self.at_m -= min(4e-3 * dt_s, max(self.at_m - heated_m, 0.0))
+        self.in_one_go = self.at_m > heated_m
+        return signals_of(self.time_s, asked_A, self.at_m)
+
+
+def driven_by(program, wire):
+    """Times, currents and places that a program asked for, and where the wire was."""
+    rows = []
+    drive = next(program)
+    with contextlib.suppress(StopIteration):
+        while True:
+            signals = wire.step(drive.current_A)
+            rows.append((signals.time_s, drive.current_A, drive.setpoint_m, signals.reference_displacement_m))
+            drive = program.send(signals)
+    return np.array(rows).T
+
+
+def test_a_wire_that_the_limit_holds_half_way_is_let_cool_and_comes_to_every_set_point():
+    """It stood at the first for the rest of the experiment: each move waited for its time-out."""
+    points_m = (3e-3, 2e-3, 1e-3)
+    program = partial_cycles(points_m, 0.3, 0.05, move_timeout_s=20.0, cool_s=6.0)
+    time_s, _, asked_m, at_m = driven_by(program, HeldBackHalfWay(cool_s=5.0))
+    for point_m in points_m:
+        assert np.abs(at_m[asked_m == point_m] - point_m).min() < 1e-4
+    assert time_s[-1] < 60.0
+
+
+def test_a_wire_that_the_limit_holds_half_way_is_let_cool_and_is_held_by_every_current():
+    program = held_currents((0.05, 0.15, 0.22, 0.3), hold_s=4.0, cool_s=6.0)
+    _, current_A, _, at_m = driven_by(program, HeldBackHalfWay(cool_s=1.5))
+    starts = np.flatnonzero(np.diff(current_A) > 0.0) + 1
+    highest = [i for i in starts if current_A[i] == 0.3]
+    assert len(highest) > 3
+    for i in highest:
+        assert at_m[i:][current_A[i:] == 0.3].min() < 1e-4
+
+
 def test_held_currents_take_every_step_between_two_of_them_and_stand_long_and_short():
     program, time_s, driven = held_currents((0.05, 0.2, 0.3), hold_s=4.0, cool_s=6.0), 0.0, []
     drive = next(program)
     with contextlib.suppress(StopIteration):
         while True:
             driven.append(drive.current_A)
-            time_s += 0.5
-            drive = program.send(SimpleNamespace(time_s=time_s))
-    held = [(current_A, 0.5 * len(list(run))) for current_A, run in itertools.groupby(driven)]
+            time_s += 0.05
+            drive = program.send(signals_of(time_s, drive.current_A, math.nan))
+    held = [(current_A, 0.05 * len(list(run))) for current_A, run in itertools.groupby(driven)]
     steps = list(itertools.pairwise(current_A for current_A, _ in held))
     assert sorted(set(steps)) == sorted(itertools.permutations((0.05, 0.2, 0.3), 2)) and len(steps) == 6
     assert {round(seconds) for _, seconds in held[1:-1]} == {2, 4}
