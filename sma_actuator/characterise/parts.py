@@ -218,7 +218,8 @@ def followed(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchL
     held_m = positions_m(config, p["shares"], low_m, high_m)
     _apply_load(part, operator)
     program = programs.followed(ModelFollower(config), held_m, low_m, p["dwell_s"], p["period_s"])
-    log = _record(rig, part, program, progress)
+    with rig.knowing(config.calibration):
+        log = _record(rig, part, program, progress)
     return Outcome({part.name: log}, {"positions_m": held_m})
 
 

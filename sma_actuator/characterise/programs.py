@@ -25,6 +25,7 @@ class Drive:
 
     current_A: float
     setpoint_m: float = nan  #: where the program is heading, for the log
+    held_back: bool = False  #: the heat limit holds the wire back: let it cool first
 
 
 Program = Generator[Drive, Signals, None]
@@ -34,6 +35,7 @@ class Following(Protocol):
     """A control law and what it goes by."""
 
     rest_A: float  #: before anything is known
+    held_back: bool  #: the heat limit holds the wire back, so far and so long that it is better let cool first
 
     def __call__(self, signals: Signals, setpoint_m: float) -> float:
         """The current [A] for what was measured and where the wire should be; NaN: nowhere."""
@@ -296,7 +298,7 @@ def followed(
         start_s = signals.time_s
         while (elapsed_s := signals.time_s - start_s) < lasts_s:
             setpoint_m = setpoint(elapsed_s)
-            signals = yield Drive(law(signals, setpoint_m), setpoint_m)
+            signals = yield Drive(law(signals, setpoint_m), setpoint_m, law.held_back)
 
 
 def _nowhere(time_s: float) -> float:

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from sma_actuator.base.calibration import Calibration
 from sma_actuator.base.interrupts import Interrupts, ending_signals, noted_signals, raised_signals
 from sma_actuator.base.signals import OFF, Branch, Command, Estimate, Quality, Reading, Signals, SupplyState
 from sma_actuator.estimation.circuit import signals_from_reading
@@ -62,6 +63,15 @@ class Rig:
     def config(self, config) -> None:
         self._config = config
         self._watch.update(config)
+
+    @contextlib.contextmanager
+    def knowing(self, calibration: Calibration) -> Iterator[None]:
+        """Guards and limits that know the wire meanwhile, as those of the driver do."""
+        self._watch.update(dataclasses.replace(self._config, calibration=calibration))
+        try:
+            yield
+        finally:
+            self._watch.update(self._config)
 
     @contextlib.contextmanager
     def opened(self) -> Iterator[Rig]:
@@ -136,6 +146,8 @@ class Rig:
                 start_s = deadline_s = clock.now_s()
                 while True:
                     interrupts.raise_noted()
+                    if drive.held_back:
+                        watch.try_anew()
                     current_A = watch.allowed_A(drive.current_A)
                     self.supply.set_current(current_A)
                     deadline_s = max(deadline_s + period_s, clock.now_s())
@@ -184,6 +196,10 @@ class Watch:
                 return
             interrupts.raise_noted()
             self._clock.sleep_until_s(now_s + _LOOK_s)
+
+    def try_anew(self) -> None:
+        """Let a wire cool that the heat limit holds back: from there it contracts in one go."""
+        self._supervisor.let_cool()
 
     def begin(self) -> None:
         """The output goes on, at the bias."""

@@ -9,14 +9,18 @@ from characterised import virtual_rig
 
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.share import shared_file
+from sma_actuator.base.signals import Signals
 from sma_actuator.characterise import PlanOptions, characterise, make_plan
+from sma_actuator.characterise.following import ModelFollower
 from sma_actuator.characterise.parts import positions_m
 from sma_actuator.characterise.plan import POSITIONS, followed_shares
 from sma_actuator.characterise.programs import FROM_COLD
+from sma_actuator.characterise.rig import ATTENDED_MARGIN
 from sma_actuator.config import Config, bench_from_mapping, read_parameter_file, write_parameter_file
 from sma_actuator.derived import derived, with_derived, without_derived
 from sma_actuator.logs.bench_log import read_bench_log, signals_from_log
 from sma_actuator.logs.kinds import PARTIAL, make_experiments
+from sma_actuator.safety.reach import HELD_BACK_TIMES
 
 NODE = shared_file("config/flexinol.yaml")
 
@@ -73,6 +77,41 @@ def test_before_them_the_wire_is_contracted(log):
 def test_it_is_fitted_whole_since_each_motion_stands_on_those_before_it(log):
     (whole,) = make_experiments([log], Config.load(NODE))
     assert whole.kind == PARTIAL and len(whole.signals.time_s) > 0.95 * len(log)
+
+
+def held_back_after_s(asked_m, flows, seconds=8.0):
+    """When a wire that stands in the middle, by its resistance, is called held back; ``flows``: share of what its law
+    asks for."""
+    config = Config.load(NODE)
+    follower = ModelFollower(config)
+    hot_end, rest = config.calibration.hot_end, config.calibration.rest
+    middle_Ohm = float(np.mean(hot_end.contracted_resistance) + np.mean(rest.cold_resistance)) / 2.0
+    time_s, current_A = 0.0, config.supply.bias_current
+    while time_s < seconds:
+        power_W = current_A**2 * middle_Ohm
+        asked_A = follower(Signals(time_s, middle_Ohm, current_A, power_W, 0.9, 0.9 / config.wire.area_m2), asked_m)
+        if follower.held_back:
+            return time_s
+        time_s, current_A = time_s + 0.05, max(flows * asked_A, config.supply.bias_current)
+    return np.inf
+
+
+def test_a_wire_that_the_heat_limit_holds_back_is_told_as_by_the_driver():
+    """It stands for two of its time constants, far from where it is wanted, with less than is asked for."""
+    patience_s = HELD_BACK_TIMES * Config.load(NODE).thermal.balance.time_constant_s
+    assert held_back_after_s(1e-3, flows=0.5) == pytest.approx(patience_s, abs=0.5)
+    assert held_back_after_s(1e-3, flows=1.0) == np.inf, "it flows"
+    assert held_back_after_s(np.nan, flows=0.5) == np.inf, "it rests"
+    assert held_back_after_s(4e-3, flows=0.5) == np.inf, "it is to become longer"
+
+
+def test_the_rig_knows_the_wire_while_its_model_drives_it():
+    _, rig, _ = virtual_rig("flexinol")
+    limits = rig._watch._supervisor
+    with rig.knowing(Config.load(NODE).calibration):
+        assert limits.config.calibration.hot_end_known
+        assert limits.config.thermal.heat_loss_margin <= ATTENDED_MARGIN
+    assert not limits.config.calibration.hot_end_known
 
 
 def test_a_model_that_does_not_know_its_ends_is_refused(tmp_path):
