@@ -422,6 +422,10 @@ class Browser:
         method = getattr(self._chromium, name)
         return lambda *arguments, **more: self._loop.run_until_complete(method(*arguments, **more))
 
+    def mouse(self, kind, x, y):
+        """What a mouse does at a place of the page, its button held down."""
+        self.command("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=1, clickCount=1)
+
     def point(self):
         """Resistance [Ω] and displacement [mm] of the moving point, or None."""
         words = self.text("#point").split()
@@ -491,15 +495,7 @@ def test_in_the_browser_a_zoom_stays_while_data_arrive_and_the_legend_has_the_va
         "})()"
     )
     for kind, share in (("mousePressed", 0.4), ("mouseMoved", 0.6), ("mouseReleased", 0.6)):
-        browser.command(
-            "Input.dispatchMouseEvent",
-            type=kind,
-            x=place[0] + share * place[1],
-            y=place[2],
-            button="left",
-            buttons=1,
-            clickCount=1,
-        )
+        browser.mouse(kind, place[0] + share * place[1], place[2])
     browser.wait_for("zoom !== null && !$('zoom').hidden")
     browser.wait_for("positionPlot.scales.x.max === zoom.max")
     before, newest = browser.value(shown), browser.value("live.last('at_s')")
@@ -513,19 +509,27 @@ def test_in_the_browser_a_zoom_stays_while_data_arrive_and_the_legend_has_the_va
     browser.wait_for(f"Number({legend}) === Number(live.last('displacement_estimate_m').toFixed(3))")
 
 
+def _grabbed(browser):
+    """Press on the grip, and where; until then the plot makes room for what arrives, and the grip moves with it."""
+    browser.value("$('grip').scrollIntoView({block: 'center'})")
+    for _ in range(50):
+        x, y = browser.value(
+            "(() => { const r = $('grip').getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2]; })()"
+        )
+        browser.mouse("mousePressed", x, y)
+        if browser.value("grabbed !== null"):
+            return x, y
+        browser.mouse("mouseReleased", x, y)
+    raise AssertionError("the grip was not grabbed")
+
+
 def test_in_the_browser_the_setpoint_is_dragged_on_the_plot(browser, stand):
     _enabled_by_hand(browser, stand)
     _sent_by_hand(browser, 2.4)
-    browser.value("$('grip').scrollIntoView({block: 'center'})")
-    x, y, px_per_mm = browser.value(
-        "(() => { const r = $('grip').getBoundingClientRect(); const p = positionPlot; "
-        "return [r.x + r.width / 2, r.y + r.height / 2, p.valToPos(2, 'y') - p.valToPos(3, 'y')]; })()"
-    )
-    drag = [("mousePressed", 0.0), ("mouseMoved", 0.1), ("mouseMoved", 0.2), ("mouseReleased", 0.2)]
-    for kind, mm in drag:
-        browser.command(
-            "Input.dispatchMouseEvent", type=kind, x=x, y=y - mm * px_per_mm, button="left", buttons=1, clickCount=1
-        )
+    x, y = _grabbed(browser)
+    px_per_mm = browser.value("positionPlot.valToPos(2, 'y') - positionPlot.valToPos(3, 'y')")  # which stands by now
+    for kind, mm in [("mouseMoved", 0.1), ("mouseMoved", 0.2), ("mouseReleased", 0.2)]:
+        browser.mouse(kind, x, y - mm * px_per_mm)
     browser.wait_for("!grabbed && Math.abs(live.last('setpoint_m') - 2.6) < 0.02")  # a tenth of a millimetre is some px
     browser.wait_for("Math.abs(Number($('grip').textContent) - 2.6) < 0.02")
 
