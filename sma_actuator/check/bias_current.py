@@ -222,10 +222,11 @@ def heat(probe: Probe) -> None:
     if held_C >= CONTRACTED_C:
         probe.say("heat", said)
         return
-    probe.say(
-        "heat",
-        f"{said}: one that contracts only hotter wants a thermal.{name} below {getattr(thermal, name):g}, or to be "
-        f"looked at more often than every {unwatched_s(config):.2g} s (supply.watchdog_timeout, "
-        "safety.reading_timeout; docs/guards.md)",
-        Level.WARNING,
+    sooner = (
+        f", or to be looked at more often than every {unwatched_s(config):.2g} s (supply.watchdog_timeout, "
+        "safety.reading_timeout; docs/guards.md)"
+        if name == "heat_loss_margin"  # the other one holds for ever
+        else ""
     )
+    said += f": one that contracts only hotter wants a thermal.{name} below {getattr(thermal, name):g}{sooner}"
+    probe.say("heat", said, Level.WARNING)

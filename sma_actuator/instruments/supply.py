@@ -167,13 +167,18 @@ class SessionSupply(ABC):
                 time.sleep(_OFF_PAUSE_s)
 
     def _acknowledged(self, abilities: Abilities) -> None:
-        """Keep the sentences of states that cannot be made safe; raise InstrumentRefused where one is not
-        acknowledged."""
+        """Keep the sentences of states that cannot be made safe; raise InstrumentRefused where one is not acknowledged,
+        or where heat would be limited as by a watchdog that there is not."""
         self._watchdog = abilities.watchdog
-        unsafe = abilities.unsafe_states()
+        unsafe, waited_s = abilities.unsafe_states(), self._limits.watchdog_timeout
         for parameter, sentence in unsafe.items():
             if not getattr(self._limits, parameter):
                 raise InstrumentRefused(f"{self._session.name}: {sentence}; supply.{parameter}: true acknowledges that")
+        if waited_s > 0.0 and not abilities.watchdog:
+            raise InstrumentRefused(
+                f"{self._session.name}: {abilities.what} has no communication watchdog, and supply.watchdog_timeout is "
+                f"{waited_s:g} s; write supply.watchdog_timeout: 0, and no more flows than the wire survives for ever"
+            )
         self._unsafe = list(unsafe.values())
 
     def set_output(self, on: bool) -> None:

@@ -232,6 +232,7 @@ def test_it_says_to_what_temperature_the_limit_of_current_lets_the_wire_come(cha
     comes_C = float(re.search(r"comes to (\d+) °C", said.sentence)[1])
     assert comes_C == pytest.approx(thermal.ambient_temperature + rise_K, abs=3.0)
     assert f"a thermal.{named}" in said.sentence
+    assert ("looked at more often" in said.sentence) == (named != "unwatched_margin below 3"), "what holds for ever"
 
 
 def test_of_a_usual_wire_behind_a_watchdog_it_says_that_it_will_contract():

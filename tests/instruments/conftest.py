@@ -36,6 +36,7 @@ def supply_of(make_config):
         changes |= dict.fromkeys(
             (f"supply.allow_{what}" for what in ("no_watchdog", "single_session", "no_trips")), True
         )
+        changes["supply.watchdog_timeout"] = 0.0
         made.append(open_supply(Config.from_mapping(make_config(**{**changes, **parameters}))))
         return made[-1]
 

@@ -74,6 +74,7 @@ def supply_of(server, make_config, dotted=E36312A, accepted=True, **more):
     changes = {
         "instruments": {"supply": section},
         "supply.allow_no_watchdog": accepted,
+        "supply.watchdog_timeout": 0.0 if accepted else 1.0,
         "supply.allow_single_session": accepted,
         "supply.allow_no_trips": accepted,
     }
@@ -209,6 +210,7 @@ def test_lines_end_as_the_parameters_say(make_config):
             "write_termination": "crlf",
         }
         accepted = {f"supply.allow_{what}": True for what in ("no_watchdog", "single_session", "no_trips")}
+        accepted["supply.watchdog_timeout"] = 0.0
         supply = open_supply(Config.from_mapping(make_config(**{"instruments.supply": section, **accepted})))
         with pytest.raises(InstrumentLost):
             supply.open()

@@ -335,9 +335,20 @@ class TestSupply:
                 document["commands"].pop(name, None)
                 document["queries"].pop(name, None)
 
-        one, server = supply(without, **{"supply.allow_no_watchdog": True})
+        one, server = supply(without, **{"supply.allow_no_watchdog": True, "supply.watchdog_timeout": 0.0})
         one.open()
         assert not any("WDOG" in line for line in server.lines)
+
+    def test_heat_is_not_limited_as_by_a_watchdog_that_there_is_not(self, supply):
+        def without(document):
+            for group in ("commands", "queries"):
+                for name in [name for name in document[group] if "watchdog" in name]:
+                    del document[group][name]
+
+        one, server = supply(without, **{"supply.allow_no_watchdog": True, "supply.watchdog_timeout": 1.0})
+        with pytest.raises(InstrumentRefused, match="watchdog_timeout is 1 s; write supply.watchdog_timeout: 0"):
+            one.open()
+        assert "OUTP ON" not in server.lines
 
     def test_settings_are_looked_at_in_turn(self, supply):
         one, server = supply()

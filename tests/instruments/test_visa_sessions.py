@@ -517,6 +517,8 @@ def test_what_cannot_be_made_safe_is_said_with_what_to_wire_up_and_must_be_ackno
             with pytest.raises(InstrumentRefused, match=f"{words}.*supply.{parameter}: true acknowledges that"):
                 supply.open()
             changes[f"supply.{parameter}"] = True
+            if parameter == "allow_no_watchdog":
+                changes["supply.watchdog_timeout"] = 0.0
         supply = open_supply(Config.from_mapping(make_config(**changes)))
         supply.open()
         for _, words in UNSAFE[dialect]:
