@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import difflib
 import importlib.resources
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -42,7 +42,7 @@ _COMMANDS: dict[str, dict[str, frozenset[str]]] = {
         **dict.fromkeys(("set_current", "set_voltage", "set_over_voltage", "set_over_current"), _VALUE),
         "arm_watchdog": _VALUE,
     },
-    "daq": {"clear_status": _NOTHING, "prepare": _CHANNELS, "before_read": _CHANNELS},
+    "daq": {"clear_status": _NOTHING, "prepare": _CHANNELS | _CHANNEL, "before_read": _CHANNELS | _CHANNEL},
 }
 _QUERIES: dict[str, dict[str, tuple[frozenset[str], str]]] = {
     "supply": {
@@ -71,8 +71,8 @@ _NEEDED_PLACEHOLDERS = {
 #: Where a DAQ may be told which channels are read: as it takes them, once or with every reading.
 _SAYS_CHANNELS = ("commands.prepare", "commands.before_read", "queries.read")
 _CHANNELS_OR_COLUMNS = (
-    f"{', '.join(_SAYS_CHANNELS)}: one with the placeholder {{channels}} is wanted; or queries.read with {{channel}}, "
-    "which is asked of each; or, where every answer has all channels, queries.read.columns, how many"
+    f"{', '.join(_SAYS_CHANNELS)}: one with the placeholder {{channels}} is wanted; or with {{channel}}, said or asked "
+    "of each; or, where every answer has all channels, queries.read.columns, how many"
 )
 _NEEDED: dict[str, dict[str, tuple[str, ...]]] = {
     "supply": {
@@ -91,6 +91,9 @@ _KEYS = {
     | {"zero_current", "measures_while_off", "off_resets"},
     "daq": _KEYS_OF_ALL | {"measures_celsius"},
 }
+#: What ends a line sent to instruments that wait for no other end; what ends lines, in words.
+_SEMICOLON = ";"
+_ENDS = {"termination": r'"\n", "\r\n", "\r" or ";"', "answer_termination": r'"\n", "\r\n" or "\r"'}
 #: True or false; what it is where a dialect says nothing.
 _FLAGS = {
     "acknowledges_answers": False,
@@ -184,9 +187,9 @@ class Dialect:
         termination = document.get("termination", "\n")
         terminations = (termination, document.get("answer_termination", termination))
         problems += [
-            f'{key}: {value!r} ends no line; "\\n", "\\r\\n" or "\\r" is wanted, in double quotes'
-            for key, value in zip(("termination", "answer_termination"), terminations, strict=True)
-            if value not in TERMINATIONS.values()
+            f"{key}: {value!r} ends no line; {_ENDS[key]} is wanted, in double quotes"
+            for key, value in zip(_ENDS, terminations, strict=True)
+            if value not in TERMINATIONS.values() and (key, value) != ("termination", _SEMICOLON)
         ]
         flags = {key: document.get(key, default) for key, default in _FLAGS.items()}
         problems += [
@@ -221,6 +224,10 @@ class Dialect:
     def lines(self, name: str, **values: Any) -> list[str]:
         """The texts of a command, filled in; none where the family has no such command."""
         return self.commands[name].lines(values) if name in self.commands else []
+
+    def lines_of_each(self, name: str, numbers: Sequence[int], **values: Any) -> list[str]:
+        """The texts of a DAQ's command, filled in; one with ``{channel}`` once for each channel."""
+        return self.commands[name].lines_of_each(numbers, values) if name in self.commands else []
 
     def asked(self, **values: Any) -> tuple[dict[str, Query], dict[str, Query]]:
         """Queries and trips with their placeholders filled in.  Raises ConfigError for a channel without bits."""

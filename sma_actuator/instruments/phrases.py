@@ -75,6 +75,14 @@ class Command:
             values = {**values, "value": values["value"] * self.scale}
         return [text.format(**values) for text in self.texts]
 
+    def lines_of_each(self, numbers: Sequence[int], values: Mapping[str, Any]) -> list[str]:
+        """The texts, filled in; one with ``{channel}`` once for each of these channels."""
+        return [
+            text.format(**{**values, "channel": number})
+            for text in self.texts
+            for number in (numbers if asks_one(text) else numbers[:1])
+        ]
+
     def at_most(self, value: float) -> float:
         """The most that the digits of its texts can say and that is no more than a value: the last digit must not lift
         a current over its limit."""
@@ -82,6 +90,11 @@ class Command:
         for digits in _digits_of_value(self.texts):
             written = _rounded_down(written, digits)
         return written / self.scale
+
+
+def asks_one(text: str) -> bool:
+    """Whether a text is of one channel: it has the placeholder ``{channel}``, however written."""
+    return any(name == "channel" for _, name, _, _ in string.Formatter().parse(text))
 
 
 @functools.cache

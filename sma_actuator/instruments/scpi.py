@@ -17,7 +17,7 @@ from .channels import Channels
 from .claim import Claim
 from .dialect import Dialect
 from .parameters import InstrumentSections
-from .phrases import Query
+from .phrases import Query, asks_one
 from .session import OPENING_ANSWERS, Session
 from .supply import Abilities, SessionSupply
 
@@ -306,7 +306,7 @@ class ScpiDaq:
         self._queries, _ = dialect.asked(**self._values)
         read = dialect.queries["read"]
         self._reads = [(self._queries["read"], numbers)]  #: what is asked for a block, and which channels answer
-        if "{channel}" in read.text:
+        if asks_one(read.text):
             self._reads = [(read.filled({**self._values, "channel": number}), [number]) for number in numbers]
         self._claim: Claim | None = None
         self.identity = ""
@@ -339,7 +339,7 @@ class ScpiDaq:
                 self._session.let_begin(pause_s)
             self.identity = _identify(self._session, self._dialect, self._queries)
             _forget_errors(self._session, self._queries, self._dialect.lines("clear_status"))
-            self._session.tell(*self._dialect.lines("prepare", **self._values))
+            self._session.tell(*self._lines("prepare"))
             _no_errors(self._session, self._dialect, self._queries)
             if "ready" in self._queries:
                 self._session.ask(self._queries["ready"].text)
@@ -349,11 +349,14 @@ class ScpiDaq:
         asked for."""
         values: list[float] = []
         with self._session.within():
-            self._session.tell(*self._dialect.lines("before_read", **self._values))
+            self._session.tell(*self._lines("before_read"))
             for query, channels in self._reads:
                 values += self._session.ask_for(query.text, partial(self._means, query, channels), late_counts=True)
             time_s = min(self._clock.now_s(), self._session.late_since_s)
         return self._channels.reading(time_s, values)
+
+    def _lines(self, name: str) -> list[str]:
+        return self._dialect.lines_of_each(name, self._channels.numbers, **self._values)
 
     def _means(self, query: Query, channels: Sequence[int], reply: str) -> list[float]:
         """The mean of each channel; raises ValueError for what is neither one mean nor all readings of every

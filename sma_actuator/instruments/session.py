@@ -516,7 +516,8 @@ class Session:
         why = f"; is instruments.{self.role}.serial.baud_rate, {self._manner.serial.baud_rate}, right?"
         ends = (
             f"; does it want more than instruments.{self.role}.timeout; do its lines end otherwise than with "
-            f"{self._manner.write_termination!r} (instruments.{self.role}.write_termination)?"
+            f"{self._manner.write_termination!r} (instruments.{self.role}.write_termination), or want time between "
+            f"them (instruments.{self.role}.command_pause)?"
         )
         return f"{why if self._is_serial else ''}{ends}{self.may_begin_anew}"
 

@@ -84,6 +84,19 @@ def test_a_daq_that_takes_one_channel_at_a_time_is_asked_for_each(daq_of):
     assert (reading.supply_voltage_V, reading.reference_voltage_V, reading.load_cell_voltage_V) == (1.5, 0.25, 0.75)
 
 
+@pytest.mark.parametrize("channel", ["{channel}", "{channel:02d}"])
+def test_a_scanner_is_set_up_and_asked_channel_by_channel(daq_of, channel):
+    """As Siglent's SDM3065X-SC and Fluke's Hydra, however the channel is written."""
+    numbers = [channel.format(channel=number) for number in CHANNELS.values()]
+    set_up = {"prepare": ["SCAN ON", f"CHAN {channel},ON,20V", "START"], "before_read": "TRIG", "clear_status": None}
+    with TcpInstrument(lambda line: "0.25 VDC" if line.endswith("?") else None) as line:
+        daq = daq_of(line.resource, {"ask": f"DATA {channel}?", "answer": "(.*) VDC"}, commands=set_up)
+        daq.open()
+        assert daq.read_block().load_cell_voltage_V == 0.25
+    set_up = ["SCAN ON", *(f"CHAN {number},ON,20V" for number in numbers), "START"]
+    assert line.lines == [*set_up, "TRIG", *(f"DATA {number}?" for number in numbers)]
+
+
 def test_of_one_that_takes_one_channel_at_a_time_all_samples_are_averaged(daq_of):
     with TcpInstrument(lambda line: ",".join(["0.2", "0.3"] * 25)) as line:
         daq = daq_of(line.resource, "AIN{channel}?")

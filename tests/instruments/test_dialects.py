@@ -208,6 +208,7 @@ def test_a_supply_hears_its_manuals_commands_and_no_other(make_config, name):
                 **{
                     "instruments": {"supply": {"resource": server.resource, "dialect": name, "channel": 2}},
                     "supply.allow_no_watchdog": name != "keysight_n6700",
+                    "supply.watchdog_timeout": 1.0 if name == "keysight_n6700" else 0.0,
                     "supply.allow_single_session": name != "keysight_n6700",
                     "supply.allow_shared_watchdog": name == "keysight_n6700",
                     "supply.allow_no_trips": name == "keysight_n6700",
@@ -397,6 +398,7 @@ def test_an_unknown_dialect_names_its_neighbour():
         (lambda d: d.update(watchdog_step_s="one"), "watchdog_step_s: 'one' is not a number"),
         (lambda d: d.update(chained_queries="no"), "chained_queries: 'no' is neither true nor false"),
         (lambda d: d.update(termination="LF"), "termination: 'LF' ends no line"),
+        (lambda d: d.update(answer_termination=";"), "answer_termination: ';' ends no line"),
         (lambda d: d.update(answer_termination=" "), "answer_termination: ' ' ends no line"),
         (lambda d: d.update(acknowledgement="("), r"acknowledgement: '\('; a regular expression for the whole line"),
         (lambda d: d.update(acknowledgement="(O+)+"), "acknowledgement: .*, in quotes: what is repeated in it varies"),

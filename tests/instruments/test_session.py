@@ -306,6 +306,7 @@ def test_an_echo_whose_lines_end_otherwise_than_answers_do_is_called_an_echo(pee
 
 def test_one_that_never_answered_may_want_other_ends_of_lines_and_one_that_did_does_not(peer, session):
     words = r"want more than instruments\.\w+\.timeout; do its lines end otherwise than with '\\n' .*write_termination"
+    words += r"\), or want time between them .*command_pause"
     with pytest.raises(InstrumentLost, match=words):
         session.ask("*IDN?")
     session.open()

@@ -59,6 +59,15 @@ def test_it_is_addressed_before_anything_else_on_every_connection(tmp_path, supp
     assert line.lines[said : said + 3] == ["ADR 06", "OUTP 0", "CURR 0.000"]
 
 
+def test_its_lines_may_end_with_a_semicolon_alone(tmp_path, supply_of):
+    with TcpInstrument(Answering(None), hears=";", says="\r\n") as line:
+        supply = supply_of(line, dialect(tmp_path, termination=";", answer_termination="\r\n"))
+        supply.open()
+        supply.set_current(0.1)
+        assert supply.read_back().current_setting_A == 0.1
+        assert supply.shut_down()
+
+
 def test_the_least_that_it_takes_stands_for_0_A(tmp_path, supply_of, quiet):
     _, line = quiet
     supply = supply_of(line, dialect(tmp_path, zero_current=0.002))
