@@ -291,11 +291,12 @@ def _cross_checks(common: BenchConfig) -> list[str]:
             f"{loop.rate:g} Hz: readings would count as stale in normal use"
         )
     supply_s, daq_s = common.instruments.supply.timeout, common.instruments.daq.timeout
-    if not safety.reading_timeout >= daq_s + supply_s + 1.0 / loop.rate:
+    silent_s = daq_s + supply_s + 1.0 / loop.rate
+    if not safety.reading_timeout >= silent_s:
         problems.append(
             f"safety.reading_timeout: {safety.reading_timeout:g} s is less than instruments.daq.timeout, {daq_s:g} s, "
             f"instruments.supply.timeout, {supply_s:g} s, and a period of loop.rate together: a silent instrument "
-            "would be found later than docs/faults.md says"
+            f"would be found later than docs/faults.md says; {math.ceil(100.0 * silent_s) / 100.0:g} s will do"
         )
     if 0.0 < supply.watchdog_timeout < 2.0 / loop.rate:
         problems.append(
