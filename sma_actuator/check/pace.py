@@ -10,6 +10,7 @@ import numpy as np
 
 from sma_actuator.base.sections import Loop
 from sma_actuator.config import BenchConfig
+from sma_actuator.driver import CHECK_PERIOD_s
 from sma_actuator.instruments import INSTRUMENTS_SHARE, highest_rate_Hz
 
 #: A time-out is this many times the slowest answer that was seen in ten steps: a rare one may be half as slow again.
@@ -21,27 +22,33 @@ USUAL_RATE_Hz = Loop().rate
 RATE_SHARE = 0.9  #: of the highest rate, that is advised: the next ten steps take a little longer than these
 
 
+#: So many of the supply's settings are looked at in one step at the most.
+MOST_SETTINGS = 4
+
+
 @dataclass(frozen=True, slots=True)
 class Pace:
     """Times of one step, and what is to be written where they are too long."""
 
     supply_s: float  #: usual
     daq_s: float
+    setting_s: float  #: of a look at one of the supply's settings
     rate_Hz: float  #: of the loop, as it is
     most_Hz: float  #: that the two allow as they are
     wanted: dict[str, float]  #: parameter → value, of those that do not allow such times; empty: all do
 
     @classmethod
-    def of(cls, times_s: Sequence[tuple[float, float]], config: BenchConfig) -> Pace:
-        """Of ``times_s`` of supply and DAQ in some steps."""
-        supply_s, daq_s = (float(median) for median in np.median(times_s, axis=0))
+    def of(cls, times_s: Sequence[tuple[float, float, float]], config: BenchConfig) -> Pace:
+        """Of ``times_s`` of supply, DAQ and a look at one of the supply's settings in some steps."""
+        supply_s, daq_s, setting_s = (float(median) for median in np.median(times_s, axis=0))
         slowest_s = np.max(times_s, axis=0)
         both_s, rate_Hz = supply_s + daq_s, config.loop.rate
-        most_Hz = highest_rate_Hz(both_s) if both_s else math.inf
+        most_Hz = _highest_Hz(both_s, setting_s) if both_s else math.inf
         instruments = config.instruments
-        fits = both_s <= 1.0 / rate_Hz and slowest_s[0] <= instruments.supply.timeout
-        wanted = {} if fits and slowest_s[1] <= instruments.daq.timeout else _wanted(supply_s, daq_s, slowest_s, config)
-        return cls(supply_s, daq_s, rate_Hz, most_Hz, wanted)
+        fits = both_s + _settings(rate_Hz) * setting_s <= 1.0 / rate_Hz and slowest_s[0] <= instruments.supply.timeout
+        fits = fits and slowest_s[1] <= instruments.daq.timeout
+        wanted = {} if fits else _wanted(supply_s, daq_s, most_Hz, slowest_s, config)
+        return cls(supply_s, daq_s, setting_s, rate_Hz, most_Hz, wanted)
 
     @property
     def both_s(self) -> float:
@@ -67,7 +74,10 @@ class Pace:
     @property
     def sentence(self) -> str:
         """All of it in words."""
-        said = f"a step takes the supply {self.supply_s * 1e3:.3g} ms and the DAQ {self.daq_s * 1e3:.3g} ms"
+        said = (
+            f"a step takes the supply {self.supply_s * 1e3:.3g} ms, a look at one of its settings "
+            f"{self.setting_s * 1e3:.3g} ms and the DAQ {self.daq_s * 1e3:.3g} ms"
+        )
         if not self.wanted:
             quicker_Hz = min(_down(RATE_SHARE * self.most_Hz), USUAL_RATE_Hz) if self.could_be_twice_as_quick else 0.0
             write = f"; write loop.rate: {quicker_Hz:g}, which follows a quick wire better" if quicker_Hz else ""
@@ -76,14 +86,26 @@ class Pace:
         return f"{said}, too long for loop.rate, {self.rate_Hz:g} Hz, or the time-outs; write {wanted}"
 
 
-def _wanted(supply_s: float, daq_s: float, slowest_s: np.ndarray, config: BenchConfig) -> dict[str, float]:
+def _settings(rate_Hz: float) -> int:
+    """How many settings are looked at in a step that looks at any."""
+    return min(math.ceil(1.0 / rate_Hz / CHECK_PERIOD_s), MOST_SETTINGS)
+
+
+def _highest_Hz(both_s: float, setting_s: float) -> float:
+    """The loop's rate that such times allow: the slower it is, the more settings are due in a step."""
+    rates_Hz = [highest_rate_Hz(both_s + number * setting_s) for number in range(1, MOST_SETTINGS + 1)]
+    return next((rate_Hz for number, rate_Hz in enumerate(rates_Hz, 1) if _settings(rate_Hz) <= number), rates_Hz[-1])
+
+
+def _wanted(
+    supply_s: float, daq_s: float, most_Hz: float, slowest_s: np.ndarray, config: BenchConfig
+) -> dict[str, float]:
     """Parameters that such times want and that are not so already."""
     loop, safety, instruments = config.loop, config.safety, config.instruments
     # What of the DAQ's time its block takes is not known: the rate is one that such times allow, and where the block is
     # made shorter the next check says by how much it can be higher.
     for_daq_s = max(INSTRUMENTS_SHARE / loop.rate - supply_s, DAQ_SHARE * supply_s)
     samples = max(1, math.floor(min(1.0, for_daq_s / daq_s) * loop.samples_per_block)) if daq_s else 1
-    most_Hz = highest_rate_Hz(supply_s + daq_s)
     rate_Hz = loop.rate if loop.rate <= most_Hz * (1.0 + 1e-9) else max(LEAST_RATE_Hz, _down(RATE_SHARE * most_Hz))
     supply_timeout_s = max(instruments.supply.timeout, _up(TIMEOUT_TIMES * slowest_s[0]))
     daq_timeout_s = max(instruments.daq.timeout, _up(TIMEOUT_TIMES * slowest_s[1]))

@@ -113,7 +113,9 @@ class Probe:
             self.daq.read_block()
             read_s = clock.now_s()
             self.supply.read_back()
-            times_s.append((clock.now_s() - read_s, read_s - began_s))
+            back_s = clock.now_s()
+            self.supply.check_next_setting()
+            times_s.append((back_s - read_s, read_s - began_s, clock.now_s() - back_s))
         return Pace.of(times_s, self.config)
 
     def expected_Ohm(self) -> tuple[float, float]:

@@ -12,6 +12,7 @@ from sma_actuator.check.command import PATIENCE_s, with_patience
 from sma_actuator.check.found import Level
 from sma_actuator.check.pace import Pace
 from sma_actuator.config import bench_from_mapping, read_parameter_file
+from sma_actuator.driver import CHECK_PERIOD_s
 from sma_actuator.instruments import InstrumentLost
 
 MAPPING = read_parameter_file(shared_file("config/flexinol_bench.yaml"))
@@ -30,44 +31,57 @@ def with_written(mapping, wanted):
     return changed
 
 
-@given(st.floats(1e-3, 0.3), st.floats(1e-3, 0.4), st.floats(1.0, 1.9))
-def test_what_is_to_be_written_is_valid_and_lets_such_instruments_do(supply_s, daq_s, slowest):
-    pace = Pace.of([(supply_s, daq_s)] * 8 + [(slowest * supply_s, slowest * daq_s)], BENCH)
+@given(st.floats(1e-3, 0.3), st.floats(1e-3, 0.4), st.floats(1e-4, 0.08), st.floats(1.0, 1.9))
+def test_what_is_to_be_written_is_valid_and_lets_such_instruments_do(supply_s, daq_s, setting_s, slowest):
+    pace = Pace.of(
+        [(supply_s, daq_s, setting_s)] * 8 + [(slowest * supply_s, slowest * daq_s, slowest * setting_s)], BENCH
+    )
     if not pace.too_slow:
-        assert supply_s + daq_s <= 1.0 / BENCH.loop.rate
+        assert supply_s + daq_s + setting_s <= 1.0 / BENCH.loop.rate
         return
     config = bench_from_mapping(with_written(MAPPING, pace.wanted))  # refuses what does not fit together
     share = config.loop.samples_per_block / BENCH.loop.samples_per_block
     for of_block in (1.0, share):  # the DAQ's time may be its latency, or its block's
-        steps = [(supply_s, of_block * daq_s)] * 8 + [(slowest * supply_s, slowest * of_block * daq_s)]
+        steps = [(supply_s, of_block * daq_s, setting_s)] * 8
+        steps += [(slowest * supply_s, slowest * of_block * daq_s, slowest * setting_s)]
         again = Pace.of(steps, config)
         assert not again.too_slow and not again.is_tight
 
 
 def test_a_quick_pair_with_one_slow_answer_keeps_its_rate_and_gets_a_longer_time_out():
-    pace = Pace.of([(0.01, 0.02)] * 9 + [(0.3, 0.02)], BENCH)
+    pace = Pace.of([(0.01, 0.02, 0.002)] * 9 + [(0.3, 0.02, 0.002)], BENCH)
     assert "loop.rate" not in pace.wanted and "loop.samples_per_block" not in pace.wanted
     assert pace.wanted["instruments.supply.timeout"] == pytest.approx(0.6)
 
 
+@pytest.mark.parametrize(("setting_s", "rate_Hz"), [(0.01, 1.2), (0.15, 1.0)])
+def test_the_looks_at_the_supplys_settings_that_are_due_in_a_step_have_their_time(setting_s, rate_Hz):
+    """Of an OWON SPE, which takes 0.15 s for each, two are due in a step: at 1.3 Hz every step came too late."""
+    pace = Pace.of([(0.575, 0.03, setting_s)] * 10, BENCH)
+    assert pace.wanted["loop.rate"] == rate_Hz
+    assert 0.605 + 2 * setting_s <= 1.0 / rate_Hz <= 2 * CHECK_PERIOD_s
+
+
 def test_a_daq_that_is_slow_by_its_long_blocks_gets_shorter_ones_and_then_a_higher_rate():
-    pace = Pace.of([(0.01, 0.6)] * 10, BENCH)
+    pace = Pace.of([(0.01, 0.6, 0.002)] * 10, BENCH)
     config = bench_from_mapping(with_written(MAPPING, pace.wanted))
     share = config.loop.samples_per_block / BENCH.loop.samples_per_block
     assert share < 0.1
-    again = Pace.of([(0.01, share * 0.6)] * 10, config)
+    again = Pace.of([(0.01, share * 0.6, 0.002)] * 10, config)
     assert again.most_Hz > 0.9 * BENCH.loop.rate > 5.0 * config.loop.rate
     assert again.could_be_twice_as_quick
     _, _, written = again.sentence.partition("; write loop.rate: ")
     quicker = bench_from_mapping(with_written(MAPPING, {"loop.rate": float(written.partition(",")[0])}))
-    last = Pace.of([(0.01, share * 0.6)] * 10, quicker)
+    last = Pace.of([(0.01, share * 0.6, 0.002)] * 10, quicker)
     assert not last.too_slow and not last.is_tight and not last.could_be_twice_as_quick
 
 
 def test_of_instruments_slower_than_their_time_outs_check_says_what_to_write_and_then_they_pass():
     """In the bench's own time, where an answer takes exactly so long."""
+    timeout_s = 0.1  # else the lowest rate would be too quick for read-back, settings and block
     mapping = with_written(MAPPING, {"supply.watchdog_timeout": 0.0, "supply.allow_no_watchdog": True})
-    delay_s = 1.2 * BENCH.instruments.supply.timeout
+    mapping = with_written(mapping, {f"instruments.{name}.timeout": timeout_s for name in ("supply", "daq")})
+    delay_s = 1.2 * timeout_s
     for level in (Level.WRONG, Level.OK):
         config = bench_from_mapping(mapping)
         bench = VirtualBench.from_name("flexinol")

@@ -79,7 +79,8 @@ output_not_confirmed: Fault = Fault(
 @guard(
     words="somebody else commands the supply",
     remedy="Let nobody else touch the supply: no second node, no hand at the front panel. If nobody does, it takes "
-    "currents in coarser steps than its dialect writes, as {value:.2f} for 10 mA, or not all of them",
+    "currents in coarser steps than its dialect writes, as {value:.2f} for 10 mA, or not all of them, or its output "
+    "comes on with a delay: set that to none",
     detector="current setting (by more than 2 mA, and what its dialect's digits leave out) or output state reads back "
     "as something that was not commanded",
     within=TWO_STEPS,
