@@ -113,8 +113,7 @@ def identify(
     model = config.model.build(bench.wire)
     full_stroke_m, unseen = bench.wire.full_stroke_m, fitted.unseen
     seen_too = unseen is None or any(STATIC in t.log.metadata for t in experiments)
-    if unseen is None:
-        unseen = unseen_of(experiments, predict(model, experiments), full_stroke_m)
+    replayed = unseen_of(experiments, predict(model, experiments), full_stroke_m)
     fatigue = fit_fatigue(ready.fatigued) if ready.fatigued else None
     return Identification(
         mapping=mapping,
@@ -127,12 +126,13 @@ def identify(
         notes=notes + _said_of_cycles(experiments),
         reasons=reasons,
         verdict=judge(
-            unseen,
+            replayed if unseen is None else unseen,
             experiments,
             model.displacement_range_m,
             full_stroke_m,
             model_type=model_type,
             seen_too=seen_too,
+            replayed=replayed,
             bounds=fitted.bounds,
             foreign_loads_N=foreign_loads_N(experiments, config),
         ),

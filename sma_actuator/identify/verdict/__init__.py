@@ -24,6 +24,7 @@ GOOD_percent = 2.0  #: of full stroke; the thesis's own models leave 1 to 3.5 % 
 POOR_percent = 4.0
 _NARROW = 0.5  #: share of the stroke
 _WIDENS = 0.1  #: share of the stroke that leaving a load out must give to be worth a word
+_CLEARLY = 1.3  #: times as large is an error clearly larger than another
 _FEWEST = 10  #: samples that a region of a load is judged by
 REGIONS = ("working range", "hot end", "cold end", "partial cycles")
 
@@ -55,23 +56,25 @@ def judge(
     *,
     model_type: str,
     seen_too: bool,
+    replayed: Unseen | None = None,
     bounds: Sequence[str] = (),
     foreign_loads_N: tuple[float, float] | None = None,
 ) -> Verdict:
     """The verdict on a model of ``model_type`` with a working range.
 
     ``unseen``: what it was judged on; ``seen_too``: on cycles it was fitted on, since there are no others;
+    ``replayed``: the logs that it was fitted on, as it estimates them by itself.  A fit that is shown the displacement
+    meanwhile may do better on cycles left out than the model on any: none is called better than it replays these.
     ``foreign_loads_N``: below and above which the node calls a load foreign, where the logs are of one load.
     """
-    regions = _regions(unseen, range_m, np.ones(len(unseen.place_m), dtype=bool))
-    loads = [
-        {"load_N": load_N, **_regions(unseen, range_m, here)}
-        for load_N, here in _loads(unseen)
-        if np.count_nonzero(here) >= _FEWEST
-    ]
+    regions, loads = _by_load(unseen, range_m)
+    in_replay, by_load_in_replay = _by_load(unseen if replayed is None else replayed, range_m)
     other = "" if model_type == "whole_range" else "; `--model whole_range` is for that"
-    working = regions.get("working range", math.inf)
+    working, by_itself = regions.get("working range", math.inf), in_replay.get("working range", 0.0)
     on_what = "on the cycles it was fitted on" if seen_too else "on cycles it has not seen"
+    if by_itself > _CLEARLY * working:
+        on_what = f"in replay of its own logs; on cycles left out, shown where the wire was, by {working:.1f} %"
+        working = by_itself
     low_m, high_m = range_m
     stroke_m = float(np.subtract(*np.percentile(unseen.place_m, (99.5, 0.5))))
     share = min((high_m - low_m) / stroke_m, 1.0)
@@ -84,7 +87,7 @@ def judge(
             "its curves do not follow these loops; look at the page's loops, measure more cycles at each load, or fit "
             f"another model{other}"
         )
-    sentences += _about_loads(loads, working)
+    sentences += _about_loads(loads, by_load_in_replay, working)
     if foreign_loads_N is not None:
         sentences.append(_about_one_load(unseen, foreign_loads_N))
     sentences += _about_ends(unseen, regions, range_m, other)
@@ -93,6 +96,16 @@ def judge(
     sentences += _about_the_range(experiments, range_m, stroke_m, full_stroke_m) if share < _NARROW else []
     sentences += bounds
     return Verdict(working <= POOR_percent, sentences, regions, loads)
+
+
+def _by_load(found: Unseen, range_m: tuple[float, float]) -> tuple[dict[str, float], list[dict[str, float]]]:
+    """Errors by region, of all loads together and of each."""
+    loads = [
+        {"load_N": load_N, **_regions(found, range_m, here)}
+        for load_N, here in _loads(found)
+        if np.count_nonzero(here) >= _FEWEST
+    ]
+    return _regions(found, range_m, np.ones(len(found.place_m), dtype=bool)), loads
 
 
 def _regions(unseen: Unseen, range_m: tuple[float, float], here: np.ndarray) -> dict[str, float]:
@@ -113,14 +126,17 @@ def _loads(unseen: Unseen) -> list[tuple[float, np.ndarray]]:
     return [(round(float(g.mean()), 3), np.isin(unseen.load_N, g)) for g in groups if len(g)]
 
 
-def _about_loads(loads: Sequence[Mapping[str, float]], working: float) -> list[str]:
-    """Loads at which the model is clearly worse than elsewhere."""
-    bad = [
-        one for one in loads if one.get("working range", 0.0) > GOOD_percent and one["working range"] > 1.3 * working
-    ]
+def _about_loads(
+    loads: Sequence[Mapping[str, float]], in_replay: Sequence[Mapping[str, float]], working: float
+) -> list[str]:
+    """Loads at which the model is clearly worse than elsewhere, on cycles left out or in replay."""
+    errors: dict[float, float] = {}
+    for one in (*loads, *in_replay):
+        errors[one["load_N"]] = max(errors.get(one["load_N"], 0.0), one.get("working range", 0.0))
+    bad = {load_N: error for load_N, error in errors.items() if error > GOOD_percent and error > _CLEARLY * working}
     if not bad or len(loads) < 2:
         return []
-    words = ", ".join(f"{one['load_N']:.3g} N ({one['working range']:.1f} %)" for one in bad)
+    words = ", ".join(f"{load_N:.3g} N ({error:.1f} %)" for load_N, error in sorted(bad.items()))
     return [
         (
             f"not for {words}: the model does not reach there; measure at loads beside it, or leave it out and keep "
