@@ -105,7 +105,7 @@ def _wanted(
     # What of the DAQ's time its block takes is not known: the rate is one that such times allow, and where the block is
     # made shorter the next check says by how much it can be higher.
     for_daq_s = max(INSTRUMENTS_SHARE / loop.rate - supply_s, DAQ_SHARE * supply_s)
-    samples = max(1, math.floor(min(1.0, for_daq_s / daq_s) * loop.samples_per_block)) if daq_s else 1
+    samples = max(1, math.floor(min(1.0, for_daq_s / daq_s) * loop.samples_per_block + 1e-9)) if daq_s else 1
     rate_Hz = loop.rate if loop.rate <= most_Hz * (1.0 + 1e-9) else max(LEAST_RATE_Hz, _down(RATE_SHARE * most_Hz))
     supply_timeout_s = max(instruments.supply.timeout, _up(TIMEOUT_TIMES * slowest_s[0]))
     daq_timeout_s = max(instruments.daq.timeout, _up(TIMEOUT_TIMES * slowest_s[1]))
