@@ -42,6 +42,7 @@ from scipy.stats import binomtest
 from sma_actuator.bench.hidden import FOREIGN, TWINS, require_twins
 from sma_actuator.cli.main import main as sma_actuator
 from sma_actuator.config import NODE_NAME, Config
+from sma_actuator.diagnosis.trace.limits import LIMITS
 from sma_actuator.estimation.effects import EFFECTS
 from sma_actuator.logs.bench_log import read_bench_log
 from sma_actuator.logs.experiments import IdentificationError
@@ -63,6 +64,7 @@ AIMS = {
     "false alarms": "<= 3 %",
     "foreign unexplained": ">= 90 %",
     "wrong name left out": "<= 25 %",
+    "of those told apart": "<= 25 %",
     "after / known": "<= 1.15",
     "most probable is true": "",
     "p / of the true": ">= 0.75",
@@ -296,6 +298,7 @@ def figures(answers: Sequence[dict]) -> dict[str, tuple[float, int]]:
         "false alarms": [x["verdict"] != "none" for x in none],
         "foreign unexplained": [x["verdict"] == "unexplained" for x in foreign],
         "wrong name left out": [x["left_out"] == "traced" for x in raised if x["left_out"]],
+        "of those told apart": [x["left_out"] == "traced" for x in raised if x["left_out"] and _told_apart(x)],
         "after / known": [x["after"] / x["best"] for x in known],
         "seconds / a session": [x["seconds"] for x in answers],
     }
@@ -329,6 +332,13 @@ def _most_probable(x: dict) -> tuple[float, bool]:
 
 def _of_the_true(x: dict) -> float:
     return x["probable"].get(_true_name(x), 0.0)
+
+
+def _told_apart(x: dict) -> bool:
+    """Whether these logs tell the true effect from every other name where all are tried; where they do not, what
+    another name leaves is no more than a session without any leaves, and nobody can tell."""
+    others = [share for name, share in x["probable"].items() if name not in (*TRUTH.values(), *x["hidden"])]
+    return _of_the_true(x) >= math.exp(LIMITS.told) * max(others, default=0.0)
 
 
 def by_tenth(said: Sequence[tuple[float, bool]]) -> list[tuple[int, int, float, float]]:

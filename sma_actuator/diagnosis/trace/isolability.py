@@ -25,11 +25,11 @@ from sma_actuator.estimation.effects import Effect
 from .candidates import Candidate, field
 from .evidence import Evidence
 from .experiments import after_the_session, experiments, shown_m
+from .limits import LIMITS
 from .rows import Rows
 from .scales import scales_of
 from .sensitivity import built, probes, shapes, sizes
 
-SURE = math.log(9.0)  #: nats between two names from which one has 90 %
 ALIKE = 1e-9  #: share of a sensitivity below which nothing is left of it
 PAIRS_SHOWN = 2
 
@@ -169,8 +169,8 @@ def _apart(moves: Sequence[_Moves]) -> np.ndarray:
 
 
 def _sure_from(nats: float) -> float:
-    """Size, in what is typical, from which that many nats of a typical one are SURE."""
-    return math.sqrt(SURE / nats) if nats > 0.0 else math.inf
+    """Size, in what is typical, from which that many nats of a typical one are enough."""
+    return math.sqrt(LIMITS.told / nats) if nats > 0.0 else math.inf
 
 
 def _of(c: Candidate, moves: Sequence[_Moves], seen_from: float, nats: np.ndarray) -> Apart:

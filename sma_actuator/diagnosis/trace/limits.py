@@ -7,6 +7,7 @@ does.
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,6 +87,11 @@ class Limits:
     def forms(self) -> tuple[float, ...]:
         """Shares of what it moves by which the form of an effect may be off."""
         return 0.0, 0.5 * self.form, self.form
+
+    @property
+    def told(self) -> float:
+        """Nats between two names from which one of the two has ``enough``."""
+        return math.log(self.enough / (1.0 - self.enough))
 
     @property
     def nearly(self) -> tuple[float, ...]:

@@ -17,6 +17,7 @@ import numpy as np
 
 from sma_actuator.fleet import spread
 
+from .bent import moved_by_bends
 from .candidates import Candidate
 from .covariance import Covariance
 from .evidence import Evidence
@@ -118,8 +119,32 @@ class Rows:
         likely, over any one thing that errors may go with; and the likeliest covariance."""
         if self.smooth is None:
             return found.log_evidence(self.usual), self.usual
+        return self._off_by(found, shares, self._in_the_rows(found))
+
+    def _like(self, one: Hypothesis, best: Hypothesis) -> float:
+        """The same of what looks like an effect and is not it: its form is off in the rows, as that of an effect may
+        be, or at its stage of the chain, over any one thing, each as likely.
+
+        Where the logs tell it from the ``best`` effect it is off in the rows alone: bent at its stage it may be that
+        one, which has a name.
+        """
+        off = self._in_the_rows(one.fitted)
+        if best.log_evidence - one.log_evidence <= LIMITS.told:
+            off += moved_by_bends(self.evidence, one.fitted.effects).values()
+        return self._off_by(one.fitted, LIMITS.nearly, off)[0]
+
+    def _in_the_rows(self, found: Likeliest) -> list[np.ndarray]:
+        """What is off together where the form of some effects is, over each thing that errors may go with; nothing
+        without smooth errors."""
+        if (smooth := self.smooth) is None:
+            return []
         moved = self.evidence.compare(found.effects).off - self.off
-        over = [self.smooth.of_form(moved, what) for what in self.smooth.of_forms]
+        return [smooth.of_form(moved, what) for what in smooth.of_forms]
+
+    def _off_by(
+        self, found: Likeliest, shares: Sequence[float], over: Sequence[np.ndarray]
+    ) -> tuple[float, Covariance]:
+        """:meth:`of` with what is off together over each thing, (rows, …) each."""
         # What is usual is taken off once, and not by each of some two dozen covariances anew.
         beside, rest = [self.usual.whiten(off) for off in over], found.whitened(self.usual)
         forms = [[(share, k) for k in range(len(over))] if share else [(0.0, 0)] for share in shares]
@@ -153,10 +178,7 @@ class Rows:
                 beside = _mean([float(np.logaddexp.reduce(some)) for some in with_one]) - math.log(number)
                 parts[what] = float(np.logaddexp(parts[what], math.log(BESIDE) + beside))
         parts = {what: part - math.log(UNNAMED * len(parts)) for what, part in parts.items()}
-        like = {
-            " and ".join(one.names): self.of(one.fitted, LIMITS.nearly)[0] - math.log(UNNAMED * number)
-            for one in best_few
-        }
+        like = {" and ".join(one.names): self._like(one, best_few[0]) - math.log(UNNAMED * number) for one in best_few}
         # At the end where it is another effect it is one that was tried too and does better, or one without a name.
         for one in effects:
             if one.objection and not one.worse:

@@ -12,7 +12,8 @@ from sma_actuator.cli.main import main
 from sma_actuator.config import Config
 from sma_actuator.diagnosis.trace import Evidence
 from sma_actuator.diagnosis.trace.candidates import candidate
-from sma_actuator.diagnosis.trace.isolability import SURE, isolability
+from sma_actuator.diagnosis.trace.isolability import isolability
+from sma_actuator.diagnosis.trace.limits import LIMITS
 from sma_actuator.diagnosis.trace.rows import Rows
 from sma_actuator.diagnosis.trace.scales import scales_of
 
@@ -72,7 +73,7 @@ def test_a_size_at_which_an_effect_shows_is_one_at_which_its_rows_say_so(under_a
     effect = effects["reference_gain"]
     built = candidate("reference_gain", scales_of(evidence)).build({"gain": effect.seen_from, "pivot": 0.0})
     moved = evidence.compare({"reference_gain": built}).off - evidence.compare({}).off
-    assert 0.5 * float(np.sum(Rows(evidence).usual.whiten(moved) ** 2)) == pytest.approx(SURE, rel=0.15)
+    assert 0.5 * float(np.sum(Rows(evidence).usual.whiten(moved) ** 2)) == pytest.approx(LIMITS.told, rel=0.15)
     assert effect.unit == "1" and math.isfinite(effect.seen_from)
 
 
