@@ -13,6 +13,7 @@ from sma_actuator.safety.supervisor import may_flow_W, unwatched_s
 from sma_actuator.safety.thermal import WireHeat
 
 from .found import Level
+from .output_off import ZERO_V
 from .probe import WORDS, Probe
 
 SETTLING_s = 0.4  #: after a change of the current
@@ -92,7 +93,7 @@ def _current(probe: Probe, supply_V: float, reference_V: float, state: SupplySta
             "the channels of supply voltage and sense resistor are swapped: what should be the whole circuit "
             "shows the sense resistor alone",
         )
-    elif abs(by_daq_A) <= near_A:
+    elif abs(reference_V) <= ZERO_V:
         probe.end("sense resistor", "no voltage at the sense resistor although the supply delivers: its taps are off")
     else:
         probe.end(

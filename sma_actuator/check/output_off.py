@@ -16,8 +16,8 @@ from .found import Level, passed
 from .pace import LEAST_RATE_Hz
 from .probe import WORDS, Probe
 
-#: Volts that may stand at a channel, as a share of what the bias makes of it.
-ZERO_SHARE = 0.03
+#: Volts that may stand at a channel: a share of what the bias makes of it, and beside that.
+ZERO_SHARE, ZERO_V = 0.03, 1e-3
 NOISE_SHARE = 0.02  #: the same of a channel's noise; for the load, of the load at wire.max_stress
 LEAST_LOAD_SHARE = 0.01  #: of the load at wire.max_stress, below which the sign of the load cell cannot be told
 PERIOD_SHARE = 0.2  #: by which the DAQ may be slower than the loop
@@ -129,7 +129,7 @@ def at_rest(probe: Probe) -> None:
             )
     for name in ("reference_voltage_V", "supply_voltage_V"):
         zero_V = float(np.mean(values[name]))
-        if abs(zero_V) > ZERO_SHARE * bounds_V[name] + 1e-3:
+        if abs(zero_V) > ZERO_SHARE * bounds_V[name] + ZERO_V:
             probe.wrong(
                 "zeros",
                 f"the channel of the {WORDS[name]} reads {zero_V * 1e3:.3g} mV with the output off, not zero",

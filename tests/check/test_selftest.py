@@ -76,6 +76,8 @@ MISTAKES = {
                                                                                  "swapped")),
     "supply voltage reversed": (lambda s: s.faults.update(channel_reversed=101), "the supply voltage reads backwards"),
     "another sense resistor": (lambda s: s.chain(reference_resistance_Ohm=0.5), "so it has 0.5 Ω"),
+    "a sense resistor of the next decade": (lambda s: s.chain(reference_resistance_Ohm=0.1), "so it has 0.1"),
+    "sense resistor's taps off": (lambda s: s.chain(reference_resistance_Ohm=0.0), "its taps are off"),
     "longer leads": (lambda s: s.chain(lead_resistance_Ohm=0.55), "the leads have other than circuit.lead_resistance"),
     "no wire": (lambda s: s.faults.update(open_wire=float("nan")), "the circuit is open"),
     "bridged wire": (lambda s: s.faults.update(short_wire=0.2), "something bridges the wire"),
