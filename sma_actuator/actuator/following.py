@@ -184,6 +184,7 @@ class Following:
                 self.config.thermal.heat_loss,
             ),
         )
+        supervisor.heat.astray = self._reach.astray
         if self._reach.held_back:
             supervisor.let_cool()
         if self._reach.floor_m > setpoint_m:

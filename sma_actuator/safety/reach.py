@@ -86,6 +86,7 @@ class Reach:
     """Follows how the wire follows; ``floor_m`` is the shortest setpoint that makes sense now.
 
     ``held_back``: far from its setpoint it stands, with all that the limits leave, and by its calibration needs more.
+    ``astray``: it is far from its setpoint, or not there for as long as it takes to be called held back.
     """
 
     def __init__(self, full_stroke_m: float, balance: Balance):
@@ -105,7 +106,9 @@ class Reach:
         self.floor_m = -inf
         self.tries = 0  #: times that it has backed off without reaching what it backed off to
         self.held_back = False
+        self.astray = True
         self._back_s = self._back_m = nan  #: since when it is, and where it was
+        self._came_s = nan  #: when it was last where it should be
         self._again_s = FIRST_AGAIN_TIMES * self._time_constant_s  #: how long the next end stands
         self._since_s = self._from_m = self._load_N = self._there_s = self._ended_s = self._asked_m = nan
 
@@ -133,6 +136,11 @@ class Reach:
             self._there_s = now_s
         elif now_s - self._there_s >= self._patience_s:
             self.tries = 0
+        away_m = abs(position_m - aim_m)
+        if away_m <= self._motion_m:
+            self._came_s = now_s
+        waited = not now_s - self._came_s < HELD_BACK_TIMES * self._time_constant_s
+        self.astray = not away_m <= (self._motion_m if waited else self._far_m)
         # Backing off in vain cools a wire that was warm; it need not become it once more.
         warm = self.tries > 0 or self._held_W > WARM * power_W
         # As near as it is wanted all the current may hold it there; that it is too much only its heat can say.

@@ -291,6 +291,7 @@ def _cools(
     state: Floats,
     cools: bool,
     at_its_limit: bool,
+    astray: bool,
     most_C: float,
     returns_C: float,
     transformed_C: float,
@@ -300,7 +301,8 @@ def _cools(
     was_seen: bool,
     tells: bool,
 ) -> bool:
-    """Whether the wire is let cool: from its limit on, until it is colder than it transforms at.
+    """Whether the wire is let cool: from its limit on, where it is not where it should be (``astray``), until it is
+    colder than it transforms at.
 
     A new one is told by nothing before it was seen (``was_seen``), unless it is cold by then.  One that shows what it
     is known to show cold is then waited for until it is no hotter than it returns at, for two looks at the most.  One
@@ -308,7 +310,8 @@ def _cools(
     The calibrated one that the limit has held back is waited for until its resistance ``tells`` that it transforms, or
     it shows cold again: from there it contracts in one go.
     """
-    if alike and at_its_limit and not cools:
+    begins = at_its_limit and astray
+    if alike and begins and not cools:
         state[_COLD + COLD_Ohm] = state[_COLD + MOST_Ohm] = inf
     is_new = state[_COLD + COLD_Ohm] == inf
     unseen = is_new and not was_seen and state[_COLD + RESTED_times] < COLD_TIMES
@@ -317,7 +320,7 @@ def _cools(
     is_told = most_C < (returns_C if waits else transformed_C) and not looks and not (is_new and (alike or until_cold))
     if until_cold and state[_COLD + IS_IT] > 0.0:
         is_told = is_told and (tells or (cold_shown and most_C < returns_C))
-    return (cools or at_its_limit) and not is_told
+    return (cools or begins) and not is_told
 
 
 @jit
@@ -327,6 +330,7 @@ def _heat_step(
     most_C: float,
     guessed_K: float,
     cools: bool,
+    astray: bool,
     until_cold: bool,
     power_W: float,
     dt_s: float,
@@ -395,6 +399,7 @@ def _heat_step(
         state,
         cools,
         at_its_limit,
+        astray,
         most_C,
         cold_C,
         transformed_C,
@@ -405,7 +410,8 @@ def _heat_step(
         shown_Ohm > transforms_Ohm,
     )
     shown_W_K = shown_loss_W_K(state, _SHOWN, wire_W, dt_s, most_C - coldest_C, capacity_J_K, loss_W_K)
-    shown_W_K *= turned(state, _TURNED, load_N, dt_s) <= MOST_TURNS
+    # At its limit only the least that it may lose counts: else it would be called ever hotter.
+    shown_W_K *= turned(state, _TURNED, load_N, dt_s) <= MOST_TURNS and not at_its_limit
     return likely_C, most_C, guessed_K, cools, SUDDENLY * shown_W_K, margin
 
 
@@ -413,15 +419,16 @@ class WireHeat:
     """What is known of the heat of one wire.
 
     Where the balance has come to its limit and the resistance does not tell, a limit that stood would hold the wire
-    where it is for ever.  So it is let cool (``cools``) until it certainly transforms, which takes a second or two:
-    from there on its resistance tells.  So it is at the beginning.  One of which it does not tell yet is let cool until
-    it has been seen cold (:meth:`let_cool`).
+    where it is for ever.  So, where it is not where it should be, it is let cool (``cools``) until it certainly
+    transforms, which takes a second or two: from there on its resistance tells.  So it is at the beginning.  One of
+    which it does not tell yet is let cool until it has been seen cold (:meth:`let_cool`).
     """
 
     def __init__(self, parameters: ThermalParameters):
         self.ambient = Ambient(parameters)
         self.transforms = Transforms(Calibration(), parameters)  #: to be replaced where a calibration knows more
         self.cools = True  #: nothing is known of it yet
+        self.astray = True  #: it is not where it should be, as far as whoever drives it knows
         self._until_cold = False  #: and it is, until it has been seen cold
         #: The temperature with the heat loss of the parameters, and no more than its resistance says.
         self.temperature_C = parameters.max_temperature
@@ -463,6 +470,7 @@ class WireHeat:
             self.at_most_C,
             self.guessed_K,
             self.cools,
+            self.astray,
             self._until_cold,
             power_W,
             dt_s,

@@ -59,6 +59,19 @@ def test_a_setpoint_that_is_as_near_as_it_is_wanted_is_not_out_of_reach(heat):
     assert near.ended(wanted_m=near.position_m - 0.011 * STROKE_m, heat=heat) < 2.0
 
 
+@pytest.mark.parametrize(("away", "from_s"), [(0.06, 0.0), (-0.06, 0.0), (0.03, 2.0 * TAU_s), (0.009, math.inf)])
+def test_a_wire_is_astray_that_is_far_from_its_setpoint_or_not_there_for_a_while(away, from_s):
+    """As shares of the stroke: 5 % are far, and within one it is there."""
+    wire = Wire()
+    wire.run(1.0, wanted_m=wire.position_m, at_limit=False)
+    assert not wire.reach.astray
+    before_s = wire.now_s
+    while wire.now_s - before_s < 20.0 and not wire.reach.astray:
+        wire.run(STEP_s, wanted_m=wire.position_m - away * STROKE_m, at_max=False, at_limit=False)
+    astray_s = wire.now_s - before_s if wire.reach.astray else math.inf
+    assert astray_s == pytest.approx(from_s, abs=2.0 * STEP_s)
+
+
 def test_but_it_is_where_the_wire_is_much_hotter_than_it_need_be_there():
     near = Wire()
     near.run(10.0, wanted_m=near.position_m)

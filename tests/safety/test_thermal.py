@@ -464,13 +464,22 @@ class TestAnotherWireInThePlaceOfTheCalibratedOne:
         heat.let_cool()
         assert not run(5.5, 0.0, 6.0).cools
 
+    @pytest.mark.parametrize("astray", [False, True])
+    def test_at_its_limit_is_let_cool_where_it_is_not_where_it_should_be(self, astray):
+        """One that goes where it should, as on its way back, needs no more than the limit leaves."""
+        state = floats(64)
+        assert _cools(state, False, True, astray, 194.0, 90.0, 150.0, False, False, False, True, False) == astray
+        assert _cools(state, True, True, astray, 194.0, 90.0, 150.0, False, False, False, True, False), (
+            "it has begun to"
+        )
+
     @pytest.mark.parametrize("shown", [False, True])
     def test_that_shows_what_it_is_known_to_show_cold_is_let_cool_to_where_it_returns(self, shown):
         """And any other to where it transforms: 110 °C lie between the two here."""
         state = floats(64)
         state[_COLD + COLD_Ohm] = math.inf
-        assert _cools(state, True, False, 110.0, 90.0, 150.0, False, False, shown, True, False) == shown
-        assert not _cools(state, True, False, 89.0, 90.0, 150.0, False, False, shown, True, False)
+        assert _cools(state, True, False, True, 110.0, 90.0, 150.0, False, False, shown, True, False) == shown
+        assert not _cools(state, True, False, True, 89.0, 90.0, 150.0, False, False, shown, True, False)
 
     @pytest.mark.parametrize("was_seen", [False, True])
     def test_nothing_is_told_of_one_before_it_is_seen_unless_it_is_cold_by_then(self, was_seen):
@@ -478,9 +487,9 @@ class TestAnotherWireInThePlaceOfTheCalibratedOne:
         state = floats(64)
         state[_COLD + COLD_Ohm] = math.inf
         state[_COLD + RESTED_times] = COLD_TIMES - 0.1
-        assert _cools(state, True, False, 89.0, 90.0, 150.0, False, False, False, was_seen, False) != was_seen
+        assert _cools(state, True, False, True, 89.0, 90.0, 150.0, False, False, False, was_seen, False) != was_seen
         state[_COLD + RESTED_times] = COLD_TIMES
-        assert not _cools(state, True, False, 89.0, 90.0, 150.0, False, False, False, was_seen, False)
+        assert not _cools(state, True, False, True, 89.0, 90.0, 150.0, False, False, False, was_seen, False)
 
     def test_whose_resistance_stands_is_no_hotter_than_it_transforms_at_as_long_as_that_stands(self, run):
         """Austenite's would fall as it cools, and rise as it warms."""
