@@ -157,8 +157,8 @@ def _settle_supply(wire: Wire, loss_W_K: float, given: Any, settle: Any) -> floa
     times = CAPACITY_WITHIN if watched else 1.0
     more = f" in a wire that loses {times:g} times as much" if watched else ""
 
-    def steady_A(temperature_C: float, times: float = 1.0) -> float:
-        exact_A = holding_A(temperature_C - ambient_C, hot_Ohm, times * loss_W_K)
+    def steady_A(temperature_C: float, losing: float = 1.0) -> float:
+        exact_A = holding_A(temperature_C - ambient_C, hot_Ohm, losing * loss_W_K)
         unit_A = 10.0 ** (math.floor(math.log10(exact_A)) - 2)
         return _digits(math.floor(exact_A / unit_A) * unit_A, 3)  # rounded down: it is a limit
 
