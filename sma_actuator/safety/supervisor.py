@@ -19,7 +19,7 @@ from .limits import ANSWER_LATE, STRESS_NEAR_LIMIT, TEMPERATURE_DERATING
 from .parameters import SafetySections
 from .records import Action, Fault, Guard, Limit, Memory, Step
 from .thermal import WireHeat, derated_limit_A
-from .timing import SETTLING_READINGS, SETTLING_TIME_s
+from .timing import SETTLING_READINGS, COMES_ON_s, SETTLING_TIME_s
 from .transformed import Transforms, most_contracted_Ohm
 
 
@@ -64,7 +64,8 @@ class Supervisor:
 
     def enabled(self, now_s: float) -> None:
         """The output is about to go on."""
-        self._enabled_s = now_s
+        self._enabled_s = self._settles_s = now_s
+        self._came_on = False
         self._good_readings = 0
         self._free_of_stress()
 
@@ -72,9 +73,18 @@ class Supervisor:
         self._stress_cap_A = inf
         self.stress_floor_m = -inf  #: the shortest setpoint the stress allows
 
+    def comes_on(self, now_s: float, supply: SupplyState | None) -> bool:
+        """Whether an output that was told to be on reads back as off yet, and may; settling begins when it does not."""
+        if supply is None or self._came_on:
+            return False
+        self._came_on = supply.output_on or not now_s - self._enabled_s < COMES_ON_s
+        if not self._came_on:
+            self._settles_s, self._good_readings = now_s, 0
+        return not self._came_on
+
     def settled(self, now_s: float) -> bool:
         """Whether current and readings belong together since the output went on."""
-        return now_s - self._enabled_s >= SETTLING_TIME_s and self._good_readings >= SETTLING_READINGS
+        return now_s - self._settles_s >= SETTLING_TIME_s and self._good_readings >= SETTLING_READINGS
 
     def latch(self, fault: Fault, detail: str) -> None:
         """Latch a fault; the first one stays, since it is the cause."""

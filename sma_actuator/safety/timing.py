@@ -8,6 +8,8 @@ from .formula import parameter_value
 SETTLING_TIME_s = 0.25
 #: Readings with current that settling takes at least.
 SETTLING_READINGS = 3
+#: An output that was told to be on may read back as off for so long, as behind a relay or a soft start.
+COMES_ON_s = 1.0
 
 RATE = parameter_value("loop.rate")
 ONE_STEP = 1 / RATE

@@ -428,3 +428,64 @@ class TestRate:
         for _ in range(steps):
             slow.tick()
         assert ("so loop.rate can be" in slow.enable(True)[1]) is refused
+
+
+class TestOutputThatComesOnLate:
+    """As behind a relay: told to be on, it reads back as off for a while, and nothing flows."""
+
+    @pytest.fixture
+    def coming_on(self, make_config):
+        """A function: (driver, supply, bench) with an output that comes on so much later, after a try to enable it."""
+        drivers = []
+
+        def make(late_s):
+            class Late(NotedSupply):
+                on_s = float("inf")
+
+                def set_output(self, on):
+                    self.told.append(f"output {on}")
+                    self.on_s = self._bench.time_s + late_s if on else float("inf")
+                    self._command(self._bench.supply.set_output, False)
+
+                def read_back(self):
+                    if self._bench.time_s >= self.on_s:
+                        self.on_s = float("inf")
+                        self._command(self._bench.supply.set_output, True)
+                    return super().read_back()
+
+            config = Config.from_mapping(make_config())
+            bench = VirtualBench.from_name("flexinol", seed=1)
+            supply = Late(bench, config)
+            drivers.append(driver := Driver(config, supply, InProcessDaq(bench, config), VirtualClock(bench)))
+            driver.run_for(0.5)
+            assert driver.enable(True)[0]
+            return driver, supply, bench
+
+        yield make
+        for driver in drivers:
+            driver.stop()
+
+    @pytest.mark.parametrize("late_s", [0.15, 0.8])
+    def test_is_waited_for_and_then_the_wire_is_driven(self, coming_on, late_s):
+        driver, supply, bench = coming_on(late_s)
+        driver.offer_setpoint(3e-3)
+        outputs = [driver.run_for(0.05) for _ in range(round(late_s / 0.05))]
+        bias_A = supply._config.supply.bias_current
+        assert all(output.command.current_A <= bias_A for output in outputs), "the law waits until something flows"
+        for _ in range(100):
+            driver.offer_setpoint(3e-3)
+            output = driver.run_for(0.1)
+        assert output.status.fault == ""
+        assert bench.truth.displacement_m == pytest.approx(3e-3, abs=0.2e-3)
+
+    def test_one_that_does_not_come_on_in_time_is_a_fault(self, coming_on):
+        driver, supply, _ = coming_on(1.5)
+        assert driver.run_for(0.9).status.fault == ""
+        assert driver.run_for(0.2).status.fault == "second_commander"
+        assert supply.told[-1] == "off"
+
+    def test_one_that_has_come_on_is_switched_off_by_nobody_else(self, coming_on):
+        driver, _, bench = coming_on(0.15)
+        assert driver.run_for(0.4).status.fault == ""
+        bench.supply.set_output(False)
+        assert driver.run_for(0.15).status.fault == "second_commander"

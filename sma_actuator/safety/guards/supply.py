@@ -8,7 +8,7 @@ from sma_actuator.safety.drift import FLOOR_A, FLOOR_V, SCALE, LAG_s, METER_LAG_
 from sma_actuator.safety.formula import longest, parameter_value, seconds
 from sma_actuator.safety.lately import LAG_READINGS
 from sma_actuator.safety.records import Action, Fault, Step, guard
-from sma_actuator.safety.timing import ONE_STEP, READING_TIMEOUT, THREE_STEPS, TWO_STEPS
+from sma_actuator.safety.timing import ONE_STEP, READING_TIMEOUT, THREE_STEPS, TWO_STEPS, COMES_ON_s
 
 from .readings import silent
 from .wire import COMPLIANCE
@@ -80,9 +80,9 @@ output_not_confirmed: Fault = Fault(
     words="somebody else commands the supply",
     remedy="Let nobody else touch the supply: no second node, no hand at the front panel. If nobody does, it takes "
     "currents in coarser steps than its dialect writes, as {value:.2f} for 10 mA, or not all of them, or its output "
-    "comes on with a delay: set that to none",
+    f"comes on more than {COMES_ON_s:g} s late: shorten that delay",
     detector="current setting (by more than 2 mA, and what its dialect's digits leave out) or output state reads back "
-    "as something that was not commanded",
+    f"as something that was not commanded; an output that was told to be on may read back as off for {COMES_ON_s:g} s",
     within=TWO_STEPS,
     action=Action.OFF,
     latches=True,
