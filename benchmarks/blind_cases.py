@@ -29,13 +29,13 @@ import numpy as np
 from kept import BENCH, MODEL, kept
 from rich.console import Console
 from rich.table import Table
+from users_way import characterised
 
 from sma_actuator.base.share import shared_file
 from sma_actuator.bench import InProcessDaq, InProcessSupply, Schedule, Spring, VirtualBench, VirtualClock, Weight
 from sma_actuator.bench.hidden import FOREIGN, TWINS, hidden_effects
 from sma_actuator.bench.hidden.hiding import HiddenBench
-from sma_actuator.characterise import PlanOptions, Rig, characterise, make_plan
-from sma_actuator.characterise.operators import BenchOperator
+from sma_actuator.characterise import PlanOptions, Rig
 from sma_actuator.characterise.plan import default_heat_current_A
 from sma_actuator.characterise.programs import Drive
 from sma_actuator.characterise.session import BENCH_FILE
@@ -143,13 +143,10 @@ def calibration(alloy: str, physics: str = HOME) -> Calibrated:
 
 def _characterised(alloy: str, physics: str) -> Calibrated:
     mapping = read_parameter_file(shared_file(f"config/{alloy}_bench.yaml"))
-    config = bench_from_mapping(mapping)
     bench = VirtualBench.from_name(alloy, seed=1, physics=physics)
-    rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
-    operator = BenchOperator(bench, config.wire.max_stress * config.wire.area_m2)
     with tempfile.TemporaryDirectory(prefix="sma_blind_") as name:
         folder = Path(name)
-        characterise(mapping, make_plan(config, CHARACTERISED), rig, operator, folder)
+        characterised(mapping, CHARACTERISED, bench, folder)
         logs = [read_bench_log(path) for pattern in FITTED for path in sorted(folder.glob(pattern))]
         return Calibrated(logs, read_parameter_file(folder / BENCH_FILE), bench.cycles)
 

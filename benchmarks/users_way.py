@@ -181,16 +181,20 @@ def logs_of(wire: str, physics: str) -> list[Path]:
     return sorted(path for path in (folder / "logs").glob("*.csv") if not path.name.startswith("training"))
 
 
+def characterised(mapping: dict[str, Any], options: PlanOptions, bench: VirtualBench, folder: Path) -> None:
+    """Make the logs of a plan on a bench with these parameters."""
+    config = bench_from_mapping(mapping)
+    rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
+    operator = BenchOperator(bench, config.wire.max_stress * config.wire.area_m2)
+    characterise(mapping, make_plan(config, options), rig, operator, folder)
+
+
 def _characterised(
     wire: str, physics: str, bench_path: Path, options: PlanOptions, seed: int, folder: Path, cycles: float
 ) -> float:
     """Make the logs of a plan; returns how many cycles the wire has done after it."""
-    mapping = read_parameter_file(bench_path)
-    config = bench_from_mapping(mapping)
     bench = bench_of(wire, physics, cycles, seed)
-    rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
-    operator = BenchOperator(bench, config.wire.max_stress * config.wire.area_m2)
-    characterise(mapping, make_plan(config, options), rig, operator, folder)
+    characterised(read_parameter_file(bench_path), options, bench, folder)
     return cycles + bench.cycles
 
 
