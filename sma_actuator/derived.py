@@ -15,7 +15,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 from .base.balance import held_rise_K, holding_A
@@ -23,6 +23,8 @@ from .base.calibration import Calibration
 from .base.parameters import ConfigError, from_mapping
 from .base.sections import Loop, SupplyParameters, ThermalParameters, Wire
 from .control.law import OWN_PERIODS
+from .instruments.parameters import Instruments
+from .safety.parameters import SafetyParameters
 from .safety.transformed import CAPACITY_WITHIN
 
 DENSITY_kg_m3 = 6450.0
@@ -100,8 +102,10 @@ def derived(mapping: Mapping[str, Any]) -> dict[str, Derived]:
         f"{LATENT:g} · heat_capacity / heat_loss: latent heat makes the wire slower; identify measures it",
     )
     readings = _settle_rate(capacity / loss, given, settle)
+    rate_Hz = readings * loss / capacity
+    _settle_silence(mapping, rate_Hz, settle)
     usual_A = min(usual_A, given("supply.max_current", usual_A))
-    steady_A_m = _steady_A_m(wire, mapping, given, capacity, loss, readings * loss / capacity)
+    steady_A_m = _steady_A_m(wire, mapping, given, capacity, loss, rate_Hz)
     _settle_gains(wire, usual_A, lag_s, readings, steady_A_m, settle)
     _settle_bounds(wire, settle)
     return out
@@ -223,6 +227,21 @@ def _settle_rate(time_constant_s: float, given: Any, settle: Any) -> float:
         "as many as are sampled from one reading to the next",
     )
     return time_constant_s * rate_Hz
+
+
+def _settle_silence(mapping: Mapping[str, Any], rate_Hz: float, settle: Any) -> None:
+    """How old a reading may be, only where loop or instruments are too slow for the usual."""
+    instruments, problems = from_mapping(Instruments, mapping.get("instruments") or {}, "instruments.")
+    if problems or not rate_Hz > 0.0:
+        return  # to be told with the others
+    usual_s = next(field.default for field in fields(SafetyParameters) if field.name == "reading_timeout")
+    silent_s = max(instruments.supply.timeout + instruments.daq.timeout + 1.0 / rate_Hz, 2.0 / rate_Hz)
+    if silent_s > usual_s:
+        settle(
+            "safety.reading_timeout",
+            math.ceil(100.0 * silent_s - 1e-6) / 100.0,
+            f"both instruments' time-outs and a period of {rate_Hz:g} Hz, or two periods",
+        )
 
 
 def _settle_gains(wire: Wire, usual_A: float, lag_s: float, readings: float, steady_A_m: float, settle: Any) -> None:

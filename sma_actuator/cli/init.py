@@ -16,7 +16,8 @@ from rich.console import Console
 from rich.table import Table
 
 from sma_actuator.base.parameter_file import read_parameter_file
-from sma_actuator.base.parameters import ConfigError, check, look_up
+from sma_actuator.base.parameters import ConfigError, check, from_mapping, look_up
+from sma_actuator.base.sections import Loop
 from sma_actuator.base.yaml_text import parse_yaml
 from sma_actuator.config import (
     BenchConfig,
@@ -424,7 +425,9 @@ def _without_watchdog(mapping: dict[str, Any]) -> None:
         _put(mapping, "supply.watchdog_timeout", 0.0)
     elif dialect.watchdog_range_s is not None:
         shortest_s, longest_s = dialect.watchdog_range_s
-        _put(mapping, "supply.watchdog_timeout", min(max(1.0, shortest_s), longest_s))
+        loop, _ = from_mapping(Loop, mapping.get("loop") or {}, "loop.")  # what is wrong there is told with the rest
+        rate_Hz = (loop or Loop()).rate
+        _put(mapping, "supply.watchdog_timeout", min(max(1.0, 2.0 / rate_Hz, shortest_s), longest_s))
 
 
 def _in_order(mapping: Mapping[str, Any]) -> dict[str, Any]:

@@ -262,6 +262,20 @@ def test_all_that_the_supply_is_not_opened_without_is_asked(dialect, asked_for):
     assert {q.name.removeprefix("supply.") for q in acknowledgements if q.when(mapping)} == asked_for
 
 
+@pytest.mark.parametrize(
+    ("rate_Hz", "timeout_s", "reading_timeout_s", "watchdog_s"),
+    [(20.0, 0.2, None, 1.0), (4.0, 0.2, 0.65, 1.0), (1.0, 0.4, 2.0, 2.0), (1.0, 0.6, 2.2, 2.0)],
+)
+def test_a_slow_loop_gets_the_times_that_it_wants(tmp_path, rate_Hz, timeout_s, reading_timeout_s, watchdog_s):
+    said = {**ANSWERS, "loop.rate": rate_Hz, "instruments.supply.timeout": timeout_s}
+    said["instruments.daq.timeout"] = timeout_s
+    words = [word for name, answer in said.items() for word in ("--set", f"{name}={answer}")]
+    assert main(["init", *words, "--out", str(tmp_path / "bench.yaml")]) == 0
+    written = read_parameter_file(tmp_path / "bench.yaml")
+    assert written["safety"].get("reading_timeout") == reading_timeout_s
+    assert written["supply"]["watchdog_timeout"] == watchdog_s
+
+
 @pytest.mark.parametrize("times", [0.6, 1.0, 1.2, 1.9, 30.0])
 def test_limits_hold_for_still_air_whatever_loss_is_measured(times):
     """A fan may stop: a loss beyond a quarter more than usual, which still air may take, lets no more current flow."""
