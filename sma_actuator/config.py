@@ -43,7 +43,7 @@ from sma_actuator.estimation.circuit import Circuit, LoadCell, ReferenceSensor
 from sma_actuator.estimation.effects import EFFECTS, Effects, effects_from_mapping
 from sma_actuator.estimation.models import COEFFICIENTS, Coefficients
 from sma_actuator.estimation.models.checks import wrong_sense
-from sma_actuator.instruments.parameters import Instruments
+from sma_actuator.instruments.parameters import Instruments, least_reading_timeout_s
 from sma_actuator.logs.files import write_atomically
 from sma_actuator.logs.recorder import RecorderParameters
 from sma_actuator.safety.parameters import SafetyParameters
@@ -291,12 +291,12 @@ def _cross_checks(common: BenchConfig) -> list[str]:
             f"{loop.rate:g} Hz: readings would count as stale in normal use"
         )
     supply_s, daq_s = common.instruments.supply.timeout, common.instruments.daq.timeout
-    silent_s = daq_s + supply_s + 1.0 / loop.rate
-    if not safety.reading_timeout >= silent_s:
+    if not safety.reading_timeout >= daq_s + supply_s + 1.0 / loop.rate:
+        least_s = least_reading_timeout_s(supply_s, daq_s, loop.rate)
         problems.append(
             f"safety.reading_timeout: {safety.reading_timeout:g} s is less than instruments.daq.timeout, {daq_s:g} s, "
             f"instruments.supply.timeout, {supply_s:g} s, and a period of loop.rate together: a silent instrument "
-            f"would be found later than docs/faults.md says; {math.ceil(100.0 * silent_s) / 100.0:g} s will do"
+            f"would be found later than docs/faults.md says; {math.ceil(100.0 * least_s) / 100.0:g} s will do"
         )
     if 0.0 < supply.watchdog_timeout < 2.0 / loop.rate:
         problems.append(

@@ -23,7 +23,7 @@ from .base.calibration import Calibration
 from .base.parameters import ConfigError, from_mapping
 from .base.sections import Loop, SupplyParameters, ThermalParameters, Wire
 from .control.law import OWN_PERIODS
-from .instruments.parameters import Instruments
+from .instruments.parameters import Instruments, least_reading_timeout_s
 from .safety.parameters import SafetyParameters
 from .safety.transformed import CAPACITY_WITHIN
 
@@ -234,12 +234,12 @@ def _settle_silence(mapping: Mapping[str, Any], rate_Hz: float, settle: Any) -> 
     instruments, problems = from_mapping(Instruments, mapping.get("instruments") or {}, "instruments.")
     if problems or not rate_Hz > 0.0:
         return  # to be told with the others
-    usual_s = next(field.default for field in fields(SafetyParameters) if field.name == "reading_timeout")
-    silent_s = max(instruments.supply.timeout + instruments.daq.timeout + 1.0 / rate_Hz, 2.0 / rate_Hz)
-    if silent_s > usual_s:
+    usual_s: Any = next(field.default for field in fields(SafetyParameters) if field.name == "reading_timeout")
+    least_s = least_reading_timeout_s(instruments.supply.timeout, instruments.daq.timeout, rate_Hz)
+    if least_s > usual_s:
         settle(
             "safety.reading_timeout",
-            math.ceil(100.0 * silent_s - 1e-6) / 100.0,
+            math.ceil(100.0 * least_s - 1e-6) / 100.0,
             f"both instruments' time-outs and a period of {rate_Hz:g} Hz, or two periods",
         )
 

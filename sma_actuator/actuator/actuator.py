@@ -267,8 +267,7 @@ class Actuator:
         reading = supervisor.usable(raw, self._reading_s, now_s)
         self._keep_heat(reading, supply, dt_s)
         driven = self._commanding.is_driven
-        # Until it has come on, what stands is that it is off.
-        told = OFF if self._told.output_on and supervisor.comes_on(now_s, supply) else self._told
+        told = supervisor.standing(self._told, now_s, supply)
         settled = driven and supervisor.settled(now_s)
         longer_m = self._chain.longer_m
         faults = supervisor.inspect(

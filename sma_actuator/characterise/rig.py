@@ -230,7 +230,7 @@ class Watch:
             signals.resistance_Ohm if usable is not None else nan,
             signals.load_N,
         )
-        told = OFF if self._told.output_on and supervisor.comes_on(now_s, supply) else self._told
+        told = supervisor.standing(self._told, now_s, supply)
         place_m = signals.reference_displacement_m
         estimate = Estimate(
             signals.time_s, place_m if isfinite(place_m) else 0.0, nan, 0.0, Branch.HEATING, Quality.DETERMINATE

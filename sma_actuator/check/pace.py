@@ -12,6 +12,7 @@ from sma_actuator.base.sections import Loop
 from sma_actuator.config import BenchConfig
 from sma_actuator.driver import CHECK_PERIOD_s
 from sma_actuator.instruments import INSTRUMENTS_SHARE, highest_rate_Hz
+from sma_actuator.instruments.parameters import least_reading_timeout_s
 
 #: A time-out is this many times the slowest answer that was seen in ten steps: a rare one may be half as slow again.
 TIMEOUT_TIMES = 2.0
@@ -109,13 +110,13 @@ def _wanted(
     rate_Hz = loop.rate if loop.rate <= most_Hz * (1.0 + 1e-9) else max(LEAST_RATE_Hz, _down(RATE_SHARE * most_Hz))
     supply_timeout_s = max(instruments.supply.timeout, _up(TIMEOUT_TIMES * slowest_s[0]))
     daq_timeout_s = max(instruments.daq.timeout, _up(TIMEOUT_TIMES * slowest_s[1]))
-    silent_s = max(2.0 / rate_Hz, supply_timeout_s + daq_timeout_s + 1.0 / rate_Hz)
+    least_s = least_reading_timeout_s(supply_timeout_s, daq_timeout_s, rate_Hz)
     wanted = {
         "loop.rate": (loop.rate, rate_Hz),
         "loop.samples_per_block": (loop.samples_per_block, samples),
         "instruments.supply.timeout": (instruments.supply.timeout, supply_timeout_s),
         "instruments.daq.timeout": (instruments.daq.timeout, daq_timeout_s),
-        "safety.reading_timeout": (safety.reading_timeout, max(safety.reading_timeout, _up(1.001 * silent_s))),
+        "safety.reading_timeout": (safety.reading_timeout, max(safety.reading_timeout, _up(1.001 * least_s))),
     }
     if config.supply.watchdog_timeout:
         held_s = max(config.supply.watchdog_timeout, _up(2.0 / rate_Hz))

@@ -119,6 +119,11 @@ class DaqInstrument(Connection):
         return ""
 
 
+def least_reading_timeout_s(supply_timeout_s: float, daq_timeout_s: float, rate_Hz: float) -> float:
+    """How old a reading must be allowed to be: until both instruments are silent for certain, and two periods."""
+    return max(2.0 / rate_Hz, supply_timeout_s + daq_timeout_s + 1.0 / rate_Hz)
+
+
 @dataclass(frozen=True, slots=True)
 class Instruments:
     """Both instruments."""

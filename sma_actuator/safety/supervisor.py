@@ -73,14 +73,16 @@ class Supervisor:
         self._stress_cap_A = inf
         self.stress_floor_m = -inf  #: the shortest setpoint the stress allows
 
-    def comes_on(self, now_s: float, supply: SupplyState | None) -> bool:
-        """Whether an output that was told to be on reads back as off yet, and may; settling begins when it does not."""
-        if supply is None or self._came_on:
-            return False
+    def standing(self, told: Command, now_s: float, supply: SupplyState | None) -> Command:
+        """Of what the supply was told, what stands: off where an output that was told to be on reads back as off yet,
+        and may; settling begins when it does not any more."""
+        if supply is None or self._came_on or not told.output_on:
+            return told
         self._came_on = supply.output_on or not now_s - self._enabled_s < COMES_ON_s
-        if not self._came_on:
-            self._settles_s, self._good_readings = now_s, 0
-        return not self._came_on
+        if self._came_on:
+            return told
+        self._settles_s, self._good_readings = now_s, 0
+        return OFF
 
     def settled(self, now_s: float) -> bool:
         """Whether current and readings belong together since the output went on."""
