@@ -223,7 +223,7 @@ class SmaActuatorNode(LifecycleNode):
         """Why it takes no commands."""
         if self.state == "active":  # and yet it takes none
             return f"trying to open the instruments again: {self.refusal}" if self.refusal else "the node ends"
-        if self.refusal in self._awaited:
+        if self._awaited:  # also while it looks again
             return f"waiting for the instruments: {self.refusal}"
         what = {"unconfigured": "configure and activate it first", "inactive": "activate it first"}.get(self.state, "")
         return f"the node is {self.state}" + (f"; {what}" if what else "")
@@ -294,7 +294,6 @@ class SmaActuatorNode(LifecycleNode):
 
     def _open_driver(self) -> bool:
         """Whether instruments and recorder could be opened and the loop runs; else ``_refusal`` says why not."""
-        self.refusal, self._hopeless = "", False
         self.left_off = False
         config = self.config
         if not self._wait_s:
@@ -326,7 +325,7 @@ class SmaActuatorNode(LifecycleNode):
             self.give_up_driver()
             self._topics.publish_status()
             return False
-        self._awaited, self._wait_s = set(), 0.0
+        self.refusal, self._awaited, self._wait_s = "", set(), 0.0
         return True
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
