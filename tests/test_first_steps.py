@@ -7,12 +7,12 @@ import re
 import shlex
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from ports import free_port
 from waiting import AS_ARGUMENTS
 
 from sma_actuator.bench import VirtualBench
@@ -28,12 +28,6 @@ def blocks(page, after=""):
     text = (ROOT / page).read_text(encoding="utf-8")
     section = re.split(r"^## ", text.split(after)[1], flags=re.MULTILINE)[0] if after else text
     return re.findall(r"^```\n(.*?)^```", section, flags=re.MULTILINE | re.DOTALL)
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return str(probe.getsockname()[1])
 
 
 @pytest.mark.long  # .ci/run and tests/test_examples.py drive one

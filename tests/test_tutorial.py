@@ -2,19 +2,13 @@
 
 import importlib.util
 import re
-import socket
 from pathlib import Path
 
 import pytest
+from ports import free_port
 from waiting import AS_ARGUMENTS
 
 TUTORIAL = Path(__file__).parents[1] / "docs" / "tutorials"
-
-
-def _free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return str(probe.getsockname()[1])
 
 
 @pytest.mark.long
@@ -22,7 +16,7 @@ def test_a_strangers_log_comes_to_a_driven_wire(tmp_path):
     spec = importlib.util.spec_from_file_location("tutorial_run", TUTORIAL / "run.py")
     tutorial = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(tutorial)
-    ports = {"5425": _free_port(), "5426": _free_port()}
+    ports = {"5425": free_port(), "5426": free_port()}
 
     def ours(text):
         text = re.sub("|".join(ports), lambda found: ports[found[0]], text)

@@ -9,6 +9,7 @@ import pytest
 pytest.importorskip("rclpy")
 from diagnostic_msgs.msg import DiagnosticStatus
 from lifecycle_msgs.srv import GetState
+from ports import free_port
 from processes import wait_until
 from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
@@ -24,16 +25,15 @@ def stand(start_bench, make_config, start_node):
 
     class Stand:
         def __init__(self):
-            self.bench = start_bench("--load", "weight:0.98")
-            self._ports = self.bench.ports[0]
+            self._at = ("--supply-port", free_port(), "--daq-port", free_port())
+            self.switch_on()
             self._instruments = self.bench.instruments()
 
         def switch_off(self):
             self.bench.close()
 
         def switch_on(self):
-            supply, daq = str(self._ports["supply"]), str(self._ports["daq"])
-            self.bench = start_bench("--load", "weight:0.98", "--supply-port", supply, "--daq-port", daq)
+            self.bench = start_bench("--load", "weight:0.98", *self._at)
 
         def start(self, **changes):
             self.node = start_node(make_config(instruments=self._instruments, **changes))

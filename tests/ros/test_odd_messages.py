@@ -15,6 +15,7 @@ from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import WrenchStamped
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
+from ports import free_port
 from processes import Bench, Client, NodeProcess, parameter_file, wait_until
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters, SetParametersAtomically
@@ -322,13 +323,13 @@ class TestFromTheStart:
     def test_a_node_that_waits_for_instruments_can_be_configured_by_hand_meanwhile(
         self, start_bench, make_config, start_node, client
     ):
-        bench = start_bench("--load", "weight:0.98")
+        there = ("--load", "weight:0.98", "--supply-port", free_port(), "--daq-port", free_port())
+        bench = start_bench(*there)
         resources = bench.instruments()
         bench.close()
         node = start_node(make_config(instruments=resources))
         node.says("looking again until they are there")
-        ports = bench.ports[0]
-        start_bench("--supply-port", str(ports["supply"]), "--daq-port", str(ports["daq"]))
+        start_bench(*there)
         _transition(client, Transition.TRANSITION_CONFIGURE)  # or the node itself has been quicker
         _status(client, lambda s: s.values["lifecycle"] == "active")
         assert client.call(f"{NAME}/get_state", GetState).current_state.label == "active"
