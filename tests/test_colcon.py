@@ -1,5 +1,7 @@
 """With ROS 2 sourced the package is built by colcon; colcon itself comes as a wheel, so that is tested here."""
 
+import ast
+import re
 import shutil
 import subprocess
 import sys
@@ -76,3 +78,26 @@ def test_what_tools_of_ros_read_is_there():
     # The format wants an address; one that nobody ever wrote a commit under names nobody.
     assert not [each.email for each in package.maintainers if each.email.endswith(".invalid")]
     assert all(set(systems) == {"debian", "ubuntu"} for systems in keys.values())
+
+
+def _imported(path: Path) -> set[str]:
+    """Packages of ROS that a file imports."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            names.add(node.module.split(".")[0])
+        elif isinstance(node, ast.Import):
+            names |= {alias.name.split(".")[0] for alias in node.names}
+    return {n for n in names if re.fullmatch(r"rclpy|ament_\w+|launch\w*|\w+_(msgs|srvs|interfaces)", n)}
+
+
+def test_rosdep_is_asked_for_every_package_of_ros_that_is_imported_or_launched():
+    text = (ROOT / "package.xml").read_text(encoding="utf-8")
+    asked = set(re.findall(r"<exec_depend>(.+)</exec_depend>", text))
+    files = [f for top in ("sma_actuator", "sma_msgs_py", "launch") for f in (ROOT / top).rglob("*.py")]
+    imported = set().union(*map(_imported, files)) - {"control_msgs"}  # an action more where it is installed
+    assert len(imported) > 10
+    assert imported <= asked
+    launched = re.findall(r'package="(\w+)"', "".join(f.read_text() for f in (ROOT / "launch").glob("*.py")))
+    said = set(re.findall(r"_depend>(\w+)<", text)) | set(re.findall(r"\w+", text.split("Optional, of ROS:")[1]))
+    assert set(launched) - {"sma_actuator"} <= said
