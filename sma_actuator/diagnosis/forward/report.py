@@ -289,7 +289,7 @@ def _effects(found: ForwardTracing) -> list[dict]:
     return [
         {
             "name": c.name,
-            "stage": c.part,
+            "part": c.part,
             "says": c.sentence,
             "signature": c.signature,
             "parameters": {

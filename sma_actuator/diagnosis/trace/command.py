@@ -280,14 +280,14 @@ def _print(console: Console, report: dict) -> None:
     console.print(f"probable: {probable(report)}")
     if report["effects"]:
         table = Table()
-        for header in ("effect", "probability", "what is the matter", "stage", "share", "parameters"):
+        for header in ("effect", "probability", "what is the matter", "part", "share", "parameters"):
             table.add_column(header)
         for e in report["effects"]:
             values = ", ".join(
                 f"{n} {p['value']:.3g} ({p['interval'][0]:.3g}…{p['interval'][1]:.3g}) {p['unit']}"
                 for n, p in e["parameters"].items()
             )
-            table.add_row(e["name"], f"{e['probability']:.0%}", e["what"], e["stage"], f"{e['share']:.0%}", values)
+            table.add_row(e["name"], f"{e['probability']:.0%}", e["what"], e["part"], f"{e['share']:.0%}", values)
         console.print(table)
     for e in report["effects"]:
         console.print(f"{e['name']}: {e['what']}. {e['remedy']}")

@@ -116,7 +116,7 @@ def _what_to_do(page: Page, report: dict[str, Any]) -> None:
     page.table(
         ("effect", "probability", "what is the matter", "where", "what to do"),
         [
-            (_words([e["name"]]), f"{e['probability']:.0%}", e["what"], e["stage"], e["remedy"])
+            (_words([e["name"]]), f"{e['probability']:.0%}", e["what"], e["part"], e["remedy"])
             for e in report["effects"]
         ],
     )

@@ -283,7 +283,7 @@ def _effects(tracing: Tracing) -> list[dict[str, Any]]:
         out.append(
             {
                 "name": name,
-                "stage": EFFECTS[name].PART,
+                "part": EFFECTS[name].PART,
                 "what": EFFECTS[name].WORDS,
                 "remedy": EFFECTS[name].REMEDY,
                 "parameters": {
@@ -330,7 +330,7 @@ def _alternatives(tracing: Tracing) -> list[dict[str, Any]]:
         out.append(
             {
                 "name": name,
-                "stage": EFFECTS[name].PART,
+                "part": EFFECTS[name].PART,
                 "what": EFFECTS[name].WORDS,
                 "instead_of": next((n for n in best.names if n not in one.names), best.names[-1]),
                 "probability": tracing.probabilities.by_name[name],

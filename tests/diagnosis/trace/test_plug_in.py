@@ -76,7 +76,7 @@ def test_an_effect_is_traced_written_into_the_model_and_replayed(wire, folder, i
     assert code == 0, said
     report = json.loads((out / "report.json").read_text())
     (effect,) = report["effects"]
-    assert (effect["name"], effect["stage"]) == ("voltage_gain", "circuit")
+    assert (effect["name"], effect["part"]) == ("voltage_gain", "circuit")
     assert effect["what"].startswith("the channel of the supply voltage")
     assert effect["parameters"]["gain"]["value"] == pytest.approx(GAIN, rel=0.1)
     extended = read(out / "model.yaml")

@@ -72,7 +72,7 @@ def beside(evidence, right, wrong):
 
 #: A session of two logs takes twice the time, of driving it and of every fit, and most of it one shows as well.
 ONE_LOG_AND_TWO = pytest.mark.parametrize("logs", [1, pytest.param(2, marks=pytest.mark.long)])
-#: For ``without``: a competition of a few candidates of every stage takes a third of the time of one of all.
+#: For ``without``: a competition of a few candidates of every part takes a third of the time of one of all.
 BUT_SOME = all_but("voltage_offset", "lead_resistance", "slip", "creep", "reference_gain", "load_cell_drift")
 
 

@@ -53,7 +53,7 @@ def test_the_report_says_how_probable_each_hypothesis_is(report, traced):
 def test_the_report_says_what_was_found_and_how_sure_it_is(report):
     assert report["verdict"] == "traced"
     (effect,) = report["effects"]
-    assert (effect["name"], effect["stage"]) == ("voltage_offset", "circuit")
+    assert (effect["name"], effect["part"]) == ("voltage_offset", "circuit")
     offset = effect["parameters"]["offset"]
     assert offset["unit"] == "V"
     assert offset["interval"][0] <= 0.004 <= offset["interval"][1] or offset["value"] == pytest.approx(0.004, rel=0.05)
