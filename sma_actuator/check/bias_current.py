@@ -162,13 +162,17 @@ def at_more(probe: Probe) -> None:
     """A moment of more current: a resistance stays what it is, a zero error of a channel does not look like one."""
     config = probe.config
     more_A = min(MORE_CURRENT * config.supply.bias_current, config.supply.max_current)
-    try:
+    with probe.other_currents():
         probe.supply.set_current(more_A)
         probe.wait(2.0 / config.loop.rate + config.loop.samples_per_block / config.loop.sample_rate)
         reading = probe.daq.read_block()
-        probe.flows()
-    finally:
-        probe.supply.set_current(config.supply.bias_current)
+        state = probe.flows()
+    if not state.output_on:
+        probe.end(
+            "linearity",
+            f"the output went off by itself while {more_A * 1e3:.3g} mA were told: a protection that the dialect does "
+            "not name, another program, or a hand at the supply; look at its panel",
+        )
     signals = signals_from_reading(reading, config)
     away_Ohm = probe.resistance_Ohm - signals.resistance_Ohm
     offset_V = away_Ohm / (1.0 / config.supply.bias_current - 1.0 / more_A)
@@ -187,7 +191,7 @@ def between(probe: Probe) -> None:
     """Currents that a controller asks for: steps that are too coarse look like a second commander to the driver."""
     supply = probe.config.supply
     most_A = min(MORE_CURRENT * supply.bias_current, supply.max_current)
-    try:
+    with probe.other_currents():
         for more_A in BETWEEN_A:
             wanted_A = min(supply.bias_current + more_A, most_A)
             probe.supply.set_current(wanted_A)
@@ -200,8 +204,6 @@ def between(probe: Probe) -> None:
                     "currents in coarser steps than its dialect writes, as {value:.2f} for 10 mA",
                 )
                 return
-    finally:
-        probe.supply.set_current(supply.bias_current)
 
 
 def heat(probe: Probe) -> None:

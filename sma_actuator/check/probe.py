@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import threading
 from collections.abc import Callable, Iterator
@@ -11,7 +12,7 @@ import numpy as np
 
 from sma_actuator.base.signals import Reading, SupplyState
 from sma_actuator.config import BenchConfig
-from sma_actuator.instruments import Clock, Daq, PowerSupply
+from sma_actuator.instruments import Clock, Daq, InstrumentError, PowerSupply
 
 from .found import Found, Level
 from .pace import Pace
@@ -88,6 +89,21 @@ class Probe:
         if state.tripped:
             self.end("bias", f"the supply's protection tripped at the bias current ({state.tripped})")
         return state
+
+    @contextlib.contextmanager
+    def other_currents(self) -> Iterator[None]:
+        """Where others than the bias are told: the bias again at its end, which hides nothing that went wrong before.
+
+        A supply that is lost meanwhile cannot be told; what it says then, "not connected", is no reason.
+        """
+        bias_A = self.config.supply.bias_current
+        try:
+            yield
+        except BaseException:
+            with contextlib.suppress(InstrumentError):
+                self.supply.set_current(bias_A)
+            raise
+        self.supply.set_current(bias_A)
 
     def _blocks(self) -> Iterator[Reading]:
         """Readings at the loop's rate."""

@@ -15,6 +15,7 @@ from sma_actuator.check import SelfTest, passed
 from sma_actuator.check.found import Level
 from sma_actuator.cli.main import main
 from sma_actuator.config import Config, read_parameter_file, write_parameter_file
+from sma_actuator.instruments import InstrumentLost
 from sma_actuator.plant.worlds import wire_in_world
 from sma_actuator.safety.thermal import HEADROOM_K
 
@@ -134,6 +135,45 @@ def test_a_computer_that_stands_still_while_current_flows_is_no_bad_contact():
     assert "this computer stood still for longer than supply.watchdog_timeout, 1 s" in sentence
     assert [each.part for each in stand.found[-2:]] == ["watchdog", "output"], "nothing is concluded from no current"
     assert stand.test.off_confirmed
+
+
+def during_more_current(config, happens):
+    """What the self-test finds where ``happens(supply)`` does, once, as soon as more than the bias current is told."""
+    bench = VirtualBench(Setup(wire_in_world("flexinol"), load=Weight(0.98)), seed=3)
+    bench.advance(0.2)
+    supply = InProcessSupply(bench, config)
+    genuine, over = supply.set_current, []
+
+    def set_current(current_A):
+        if current_A > config.supply.bias_current and not over:
+            over.append(current_A)
+            return happens(supply)
+        return genuine(current_A)
+
+    supply.set_current = set_current
+    test = SelfTest(config, supply, InProcessDaq(bench, config), VirtualClock(bench))
+    return [each.sentence for each in test.run() if each.level is Level.WRONG]
+
+
+def test_of_an_instrument_that_is_lost_while_more_flows_the_first_reason_is_said():
+    """The bias current is told again afterwards; that this cannot be told is no reason."""
+
+    def lost(supply):
+        def not_connected(_):
+            raise InstrumentLost("not connected")
+
+        supply.set_current = not_connected
+        raise InstrumentLost("no answer within 0.6 s")
+
+    wrong = during_more_current(Config.load(shared_file("config/flexinol.yaml")), lost)
+    assert wrong == ["no answer within 0.6 s"]
+
+
+def test_an_output_that_goes_off_while_more_flows_is_no_zero_error_of_a_channel():
+    wrong = during_more_current(
+        Config.load(shared_file("config/flexinol.yaml")), lambda supply: supply.set_output(False)
+    )
+    assert len(wrong) == 1 and "the output went off by itself" in wrong[0]
 
 
 def test_a_wire_without_a_model_is_looked_at_too_before_it_is_heated(tmp_path, capsys):
