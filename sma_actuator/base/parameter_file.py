@@ -23,9 +23,22 @@ def read_sections(path: str | Path) -> Mapping[str, Any]:
 def read_parameter_file(path: str | Path, node: str = NODE_NAME) -> dict[str, Any]:
     """The parameters of ``node`` (or of ``/**``) in a YAML file, with the tables that lie beside it.
 
-    Raises ConfigError; its sentence names the file.
+    Raises ConfigError; its sentence names the file.  What stands beside the sections of nodes is refused, as ROS does:
+    nobody would read it.
     """
-    return put_back(parameters_in(path, node), Path(path))
+    mapping = parameters_in(path, node)
+    strays = [str(name) for name, held in read_sections(path).items() if not _is_of_nodes(held)]
+    if strays:
+        raise ConfigError(
+            f"{path}: {', '.join(strays)[:180]}: stands beside '{node}: ros__parameters:', where nothing reads it; "
+            "move it under that line, and further in than that"
+        )
+    return put_back(mapping, Path(path))
+
+
+def _is_of_nodes(held: Any) -> bool:
+    """Whether parameters of nodes stand in a section, maybe of nodes in a namespace."""
+    return isinstance(held, Mapping) and ("ros__parameters" in held or any(map(_is_of_nodes, held.values())))
 
 
 def parameters_in(path: str | Path, node: str = NODE_NAME) -> dict[str, Any]:
