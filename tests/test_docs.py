@@ -47,6 +47,18 @@ def test_prose_is_broken_at_120_characters(page):
     ] == []  # code is whole
 
 
+@pytest.mark.parametrize(
+    "path",
+    [
+        *(ROOT / name for name in ("pyproject.toml", "package.xml", "CITATION.cff")),
+        *(ROOT / "sma_actuator" / "instruments" / "dialects").glob("*.yaml"),
+    ],
+    ids=lambda path: path.name,
+)
+def test_what_no_formatter_breaks_is_broken_at_120_characters_too(path):
+    assert [line for line in path.read_text(encoding="utf-8").splitlines() if len(line) > 120] == []
+
+
 def test_the_readme_is_read_to_its_end():
     assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) <= 800
 
