@@ -73,23 +73,15 @@ def fit_whole_range(
     team = Team(z[data.learned], data.displacement[data.rows[data.learned]], ITERATIONS, data.smooth)
     coefficients = _coefficients(data, known, z, (centre, scale), team, by_both, rooms)
     progress(1.0)
-    measured = data.measured
-    errors = [np.abs(e[measured]) for e in (by_log.error, by_cycle.error, by_log.curve_error)]
-    partial = np.repeat([t.kind == "partial" for t in experiments], data.lengths)[data.rows[measured]]
-    logs_error, cycles_error, curve_error = (float(e.mean()) for e in errors)
-    held_out = HeldOut(
-        logs_error,
-        cycles_error,
-        curve_error,
-        regions=regions(data.displacement[data.rows[measured]], partial, errors[1]),
-    )
-    rows = data.rows[measured]
+    rows, error_percent = data.rows[data.measured], np.abs(by_cycle.error[data.measured])
+    partial = np.repeat([t.kind == "partial" for t in experiments], data.lengths)[rows]
+    held_out = HeldOut(float(error_percent.mean()), regions(data.displacement[rows], partial, error_percent))
     of_log = np.repeat(np.arange(len(experiments)), data.lengths)[rows]
     unseen = Unseen(
         log=of_log,
         load_N=np.array([float(np.nanmean(t.signals.load_N)) for t in experiments])[of_log],
         place_m=data.displacement[rows] * data.percent_m,
-        error_percent=errors[1],
+        error_percent=error_percent,
         partial=partial,
     )
     bounds = [

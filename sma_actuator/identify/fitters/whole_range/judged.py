@@ -29,12 +29,10 @@ HELD_OUT_ITERATIONS = 40
 
 @dataclass(frozen=True, slots=True)
 class HeldOut:
-    """Errors of the model and of its physical curve where they were not fitted, mean absolute, % of full stroke."""
+    """Errors of the model on cycles that it was not fitted on, mean absolute, % of full stroke."""
 
-    logs_percent: float  #: logs left out, and loads
-    cycles_percent: float  #: cycles left out
-    curve_percent: float  #: physical curve alone, logs left out
-    regions: dict[str, float]  #: cycles left out, by region (:func:`regions`)
+    cycles_percent: float
+    regions: dict[str, float]  #: by region (:func:`regions`)
 
 
 @dataclass(frozen=True, slots=True)
