@@ -10,7 +10,13 @@ from .evidence import Comparison
 from .prediction import smooth
 from .quantities import quantities
 
-BINS = 10
+BINS = 10  #: of a quantity, with as many samples each
+#: Readings are smoothed as if they were so far apart, so over six of them whatever their rate: noise goes from one to
+#: the next.
+APART_s = 0.05
+STILL_percent = 60.0  #: of the readings: where the resistance moves least, its slope says nothing
+NORMAL = 1.4826  #: standard deviation of a normal distribution over its median absolute deviation
+SECOND_DIFFERENCE = 6.0  #: variance of one of white noise, over that of the noise
 BLOCKED = ("time_s", "cycle")  #: quantities that go with the cycle itself
 
 
@@ -43,7 +49,8 @@ def noise_percent(comparison: Comparison) -> float:
     logs = zip(evidence.logs.experiments, comparison.predictions, evidence.logs.measured_m, strict=True)
     for experiment, p, measured_m in logs:
         reference_m = white_noise(measured_m)
-        moved = np.gradient(smooth(p.model_m, 0.05)) / _away_from_zero(np.gradient(smooth(p.resistance_Ohm, 0.05)))
+        moved_m, moved_Ohm = (np.gradient(smooth(values, APART_s)) for values in (p.model_m, p.resistance_Ohm))
+        moved = moved_m / _away_from_zero(moved_Ohm)
         slope = np.median(np.abs(moved[np.isfinite(moved)])) if np.isfinite(moved).any() else 0.0
         total += len(measured_m) * float(np.hypot(reference_m, slope * white_noise(experiment.resistance_Ohm)))
         number += len(measured_m)
@@ -52,11 +59,13 @@ def noise_percent(comparison: Comparison) -> float:
 
 def white_noise(values: np.ndarray) -> float:
     """Standard deviation of white noise, from second differences: what moves slowly does not count."""
-    return float(1.4826 * np.median(np.abs(np.diff(values, 2)))) / np.sqrt(6.0) if len(values) > 3 else 0.0
+    return (
+        float(NORMAL * np.median(np.abs(np.diff(values, 2)))) / np.sqrt(SECOND_DIFFERENCE) if len(values) > 3 else 0.0
+    )
 
 
 def _away_from_zero(values: np.ndarray) -> np.ndarray:
-    return np.where(np.abs(values) > np.percentile(np.abs(values), 60.0), values, np.nan)
+    return np.where(np.abs(values) > np.percentile(np.abs(values), STILL_percent), values, np.nan)
 
 
 def _bins(values: np.ndarray) -> np.ndarray:

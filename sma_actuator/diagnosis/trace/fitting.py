@@ -17,7 +17,11 @@ from .likeliest import likeliest
 from .limits import LIMITS
 from .problem import WIDEST, Likeliest
 
-FOLDS = 4
+FOLDS = 4  #: parts of the cycles, each predicted by a fit to the others
+#: Of the step to such a fit: what of it is tried, for it may be too curved for a whole one; how far it goes at the
+#: most, in the optimiser's units; and how much dearer the other cycles may then be.
+SHARES, FURTHEST, DEARER = (1.0, 0.3), 2.0, 1.02
+SURE = 1.96  #: standard deviations to either side, 95 % of a normal distribution
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,10 +88,10 @@ def _held_out(evidence: Evidence, found: Likeliest, covariance: Covariance, seen
         of_others = covariance.of(rows)
         step = problem.step(of_others, found.rows[rows], found.slopes[rows], found.u)
         before = problem.cost(of_others, found.rows[rows], found.u)
-        for share in (1.0, 0.3):  # it may be too curved for a whole step
-            moved = problem.clipped(found.u + share * np.clip(step, -2.0, 2.0))
+        for share in SHARES:
+            moved = problem.clipped(found.u + share * np.clip(step, -FURTHEST, FURTHEST))
             there = evidence.compare(problem.effects(moved))
-            if problem.cost(of_others, there.rows[rows], moved) <= 1.02 * before:
+            if problem.cost(of_others, there.rows[rows], moved) <= DEARER * before:
                 break
         hidden = np.isin(evidence.unit_of_row, left_out)
         held_out_rows[hidden] = there.rows[hidden]
@@ -108,7 +112,7 @@ def _intervals(evidence: Evidence, found: Likeliest, covariance: Covariance, row
     n = len(np.unique(evidence.unit_of_row[rows]))
     by_cycles = inverse @ (scores.T @ scores) @ inverse * n / max(n - n_parameters, 1)
     of_form = np.where(problem.is_size, np.mean(np.square((*LIMITS.forms, LIMITS.nearly[0]))) * found.u**2, 0.0)
-    spread = 1.96 * np.sqrt(np.maximum(np.diag(by_cycles), np.diag(inverse)) + of_form)
+    spread = SURE * np.sqrt(np.maximum(np.diag(by_cycles), np.diag(inverse)) + of_form)
     out: dict[str, dict[str, tuple[float, float]]] = {c.name: {} for c in problem.candidates}
     for i, (c, f) in enumerate(problem.slots):
         wide = min(spread[i], WIDEST)

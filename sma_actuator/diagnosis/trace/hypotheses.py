@@ -9,7 +9,7 @@ from .evidence import Evidence
 from .floor import held_where_the_wire_was
 from .limits import LIMITS
 from .pairs import pairs
-from .rows import UNNAMED, Asked, Hypothesis, Progress, Rows, fitted
+from .rows import KINDS, UNNAMED, Asked, Hypothesis, Progress, Rows, fitted
 
 
 def hypotheses(
@@ -24,7 +24,8 @@ def hypotheses(
         evidence, asked = held_where_the_wire_was(evidence, asked, jobs, progress)
     rows = Rows(evidence)
     alone = fitted(rows, asked, jobs, progress, "effects")
-    rare, unnamed = (1.0, 1.0) if together else (3.0, UNNAMED)
+    # Asked about together: they have, or nothing, or something else; no two of them by themselves.
+    rare, unnamed = (1.0, 1.0) if together else (KINDS, UNNAMED)
     single = (1.0 - LIMITS.nothing - rare * LIMITS.rare) / max(len(alone), 1)
     tried = [(LIMITS.nothing, rows.nothing())]
     if rows.smooth is not None:

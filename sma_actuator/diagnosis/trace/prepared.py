@@ -22,6 +22,7 @@ from sma_actuator.logs.experiments import Experiment, make_experiment, sessions
 UNIT_TIMES = 4.0  #: a unit lasts at least so many times as long as errors remember themselves
 FEWEST_CYCLES = 3  #: in all logs together
 FEWEST_UNITS = 8
+MOVES = 1e-3  #: of its median: a channel whose readings differ by no more never moves
 MOST_SAMPLES = 40_000  #: samples that the chain sees; longer logs are thinned …
 MOST_COMPARED = 4_000  #: … and so many of them at the most are compared with the measured displacement
 
@@ -211,7 +212,7 @@ def _moving(experiment: Experiment) -> Experiment:
         ("the measured displacement", experiment.displacement_m, "m"),
         ("the current", experiment.signals.current_A, "A"),
     ):
-        if not np.ptp(values) > 1e-3 * abs(float(np.median(values))):
+        if not np.ptp(values) > MOVES * abs(float(np.median(values))):
             raise BenchLogError(
                 f"{experiment.log.source}: {name} never moves ({values[0]:.4g} {unit} throughout); a log of a wire "
                 f"that is driven is wanted"

@@ -31,8 +31,9 @@ from .witnesses import Residual
 
 NOTHING, SOMETHING_ELSE = "nothing", "something else"
 GOES_WITH_NOTHING = "nothing that was looked at"
+KINDS = 3.0  #: of what is ``rare``, each as likely: like no effect, looking like one, or two things at once
 BESIDE = 0.5  #: of two things at once, share of those of which one has no name
-UNNAMED = 2.0 + BESIDE  #: how probable something else is, in ``rare``: like no effect, looking like one, or beside one
+UNNAMED = 2.0 + BESIDE  #: of these, how many have no name: the third only beside one
 BEST_FEW = 4  #: single effects that something else is held beside, and may look like
 
 #: What tracing is doing, and how far it is, from 0 to 1.

@@ -14,6 +14,9 @@ from sma_actuator.estimation.effects.free import Scales
 from .evidence import Evidence
 from .witnesses.spring import LOADS_DIFFER
 
+#: Percentiles that count as the least, as what is large and often comes, and as the largest: a few readings beyond that
+#: say nothing.
+LEAST, OFTEN, MOST = 5.0, 98.0, 99.0
 FEELS_STRESS = 1e-3  #: of full stroke: what a load that is so much less must move the model by …
 LIGHTER = 1.1  #: … times
 PARTIAL = 0.85  #: of the largest cycle's stroke, below which a cycle is partial …
@@ -33,22 +36,22 @@ def scales_of(evidence: Evidence) -> Scales:
     ambient_C = ambient_C[np.isfinite(ambient_C)]
     calibrated_C = config.calibration.ambient_temperature
     known = math.isfinite(calibrated_C)
-    high_W = float(np.percentile(power_W, 98.0))
+    high_W = float(np.percentile(power_W, OFTEN))
     middle_N = float(np.median(np.abs(load_N)))
     return Scales(
         stroke_m=evidence.full_stroke_m,
         resistance_Ohm=float(np.median(resistance_Ohm)),
         resistance_range_Ohm=_spread(resistance_Ohm),
-        current_A=float(np.percentile(current_A, 98.0)),
-        voltage_V=float(np.percentile(current_A * resistance_Ohm, 98.0)),
+        current_A=float(np.percentile(current_A, OFTEN)),
+        voltage_V=float(np.percentile(current_A * resistance_Ohm, OFTEN)),
         load_N=middle_N,
-        most_load_N=float(np.percentile(np.abs(load_N), 99.0)),
+        most_load_N=float(np.percentile(np.abs(load_N), MOST)),
         power_W=high_W,
         rise_K=high_W / config.thermal.heat_loss,
         duration_s=evidence.logs.duration_s,
         period_s=float(np.median([np.median(np.diff(s.time_s)) for s in signals])),
         cycles=evidence.units,
-        cycle_power_W=0.5 * (float(np.percentile(power_W, 5.0)) + high_W),
+        cycle_power_W=0.5 * (float(np.percentile(power_W, LEAST)) + high_W),
         thermal_s=config.thermal.heat_capacity / config.thermal.heat_loss,
         heat_loss_W_K=config.thermal.heat_loss,
         latent_heat_J=_latent_heat_J(config),
@@ -72,7 +75,7 @@ def _latent_heat_J(config: Config) -> float:
 
 
 def _spread(values: np.ndarray) -> float:
-    return float(np.subtract(*np.percentile(values, (99.0, 1.0))))
+    return float(np.subtract(*np.percentile(values, (MOST, 100.0 - MOST))))
 
 
 def _ambient_change_K(known_C: np.ndarray, calibrated_C: float) -> float:
