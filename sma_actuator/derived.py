@@ -50,7 +50,10 @@ READINGS, QUICKEST_Hz = 12.0, 100.0
 _ANSWERED_rad = math.radians(60.0)
 _BIAS_RISE_K = 3.0
 _TRIP_HEADROOM_K = 5.0
-_AMBIENT_C, _DERATE_C, _HOTTEST_C = 24.0, 180.0, 200.0  # the defaults of the section thermal
+_BY_DEFAULT = {f.name: f.default for section in (ThermalParameters, SupplyParameters) for f in fields(section)}
+_AMBIENT_C, _DERATE_C, _HOTTEST_C, _WATCHDOG_s = (
+    _BY_DEFAULT[name] for name in ("ambient_temperature", "derate_temperature", "max_temperature", "watchdog_timeout")
+)
 
 #: Without these a parameter file is refused, though only what drives a wire uses them.
 _WANTED = (
@@ -135,7 +138,7 @@ def _settle_heat(wire: Wire, given: Any, settle: Any) -> tuple[float, float, flo
         f"half of a heat loss that is known within a factor of {CAPACITY_WITHIN:g}: by geometry, or by identify with a "
         f"heat capacity that nobody measured{beyond}",
     )
-    if given("supply.watchdog_timeout", 1.0) == 0.0:
+    if given("supply.watchdog_timeout", _WATCHDOG_s) == 0.0:
         settle(
             "thermal.unwatched_margin",
             _digits(max(loss / still, CAPACITY_WITHIN), 3),
@@ -157,7 +160,7 @@ def _settle_supply(wire: Wire, loss_W_K: float, given: Any, settle: Any) -> floa
     derate_C = given("thermal.derate_temperature", _DERATE_C)
     hottest_C = given("thermal.max_temperature", _HOTTEST_C) - _TRIP_HEADROOM_K
 
-    watched = given("supply.watchdog_timeout", 1.0) > 0.0
+    watched = given("supply.watchdog_timeout", _WATCHDOG_s) > 0.0
     times = CAPACITY_WITHIN if watched else 1.0
     more = f" in a wire that loses {times:g} times as much" if watched else ""
 

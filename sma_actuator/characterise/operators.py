@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.console.asking import Asking
+from sma_actuator.logs.units import GRAVITY_m_s2
 
 from .rig import Rig
 from .watching import LoadWatch
@@ -175,4 +176,4 @@ class ScpiBenchOperator:
 
 
 def _in_grams(force_N: float) -> str:
-    return f"{force_N / 9.80665 * 1e3:.1f} g ({force_N:.3f} N)"
+    return f"{force_N / GRAVITY_m_s2 * 1e3:.1f} g ({force_N:.3f} N)"

@@ -14,12 +14,12 @@ from sma_actuator.base.parameters import ConfigError
 from sma_actuator.config import require_sense_resistor
 from sma_actuator.logs.cycles import HOT_PART
 from sma_actuator.logs.kinds import FOLLOWED, FULL, LEVELS, MANY, PARTIAL
+from sma_actuator.logs.units import GRAVITY_m_s2
 from sma_actuator.safety.transformed import CAPACITY_WITHIN
 
 from .programs import FROM_COLD, every_ordered_pair
 from .rig import attended
 
-GRAVITY_m_s2 = 9.80665
 #: Weights: so many, at equal ratios.  The heaviest is just below that with which a wire is held where it is, and no
 #: further than a twentieth of their range: with one that is heavier than that a driven wire is switched off.
 #: The lightest is the thesis's, or a tenth of the heaviest.

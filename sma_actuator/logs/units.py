@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-_GRAVITY_m_s2 = 9.80665
+GRAVITY_m_s2 = 9.80665  #: by which a mass is a force
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,10 +42,10 @@ UNITS: dict[str, dict[str, Unit]] = {
         **_prefixed("N"),
         "cN": Unit(1e-2),
         "daN": Unit(10.0),
-        "g": Unit(1e-3 * _GRAVITY_m_s2),
-        "gf": Unit(1e-3 * _GRAVITY_m_s2),
-        "kg": Unit(_GRAVITY_m_s2),
-        "kgf": Unit(_GRAVITY_m_s2),
+        "g": Unit(1e-3 * GRAVITY_m_s2),
+        "gf": Unit(1e-3 * GRAVITY_m_s2),
+        "kg": Unit(GRAVITY_m_s2),
+        "kgf": Unit(GRAVITY_m_s2),
         **dict.fromkeys(("lb", "lbs", "lbf"), Unit(4.4482216152605)),
         **dict.fromkeys(("oz", "ozf"), Unit(4.4482216152605 / 16.0)),
     },

@@ -1,5 +1,6 @@
 """A few answers make a bench file that is complete: limits and gains follow from them, and the file says how."""
 
+import dataclasses
 import math
 import multiprocessing
 import os
@@ -16,7 +17,7 @@ from rig import Rig
 
 from sma_actuator.base.errors import UserError
 from sma_actuator.base.parameters import ConfigError
-from sma_actuator.base.sections import Loop
+from sma_actuator.base.sections import Loop, ThermalParameters
 from sma_actuator.base.share import shared_file
 from sma_actuator.characterise.plan import QUICK_READINGS
 from sma_actuator.cli.init import QUESTIONS
@@ -470,3 +471,11 @@ def test_a_folder_that_is_not_ours_is_named_before_anything_is_asked():
     child.start()
     child.join(60.0)
     assert child.exitcode == 0, "what it said is on standard error"
+
+
+def test_what_a_file_leaves_out_counts_as_what_its_section_has_by_default():
+    wire = {"alloy": "ni-ti", "length": 0.1, "diameter": 0.1524e-3}
+    defaults = {f.name: f.default for f in dataclasses.fields(ThermalParameters)}
+    written = {name: defaults[name] for name in ("ambient_temperature", "derate_temperature", "max_temperature")}
+    spelled_out = derived({"wire": wire, "thermal": written, "supply": {"watchdog_timeout": 1.0}})
+    assert derived({"wire": wire}) == spelled_out
