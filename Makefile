@@ -1,6 +1,6 @@
 # make demo   the node holds a wire of the virtual bench at setpoints, live in the terminal (VIEW=1: in the browser too)
 # make test   the tests; make long-tests those that take longer
-# make check  format, lint, types and the floors of the house
+# make check  format, lint, types and the storeys of the house
 # make floor  what the tests of the rooms that say what current may flow reach of them
 # make counterparts   the driver against instruments that others wrote (FOREIGN_PYTHON=python3.12 for one of them)
 # make release  sdist and wheel, tried from the wheel
