@@ -48,6 +48,9 @@ from sma_actuator.logs.files import write_atomically
 from sma_actuator.logs.recorder import RecorderParameters
 from sma_actuator.safety.parameters import SafetyParameters
 
+#: Times that are written in decimals may miss their sum by that share, as 0.6 s misses 0.2 + 0.2 + 1/5.
+ROUNDING = 1e-9
+
 
 @dataclass(frozen=True, slots=True)
 class BenchConfig:
@@ -275,7 +278,7 @@ def _cross_checks(common: BenchConfig) -> list[str]:
         problems.append("safety.resistance_min: is not below safety.resistance_max")
     if not common.thermal.derate_temperature < common.thermal.max_temperature:
         problems.append("thermal.derate_temperature: is not below thermal.max_temperature")
-    if loop.samples_per_block / loop.sample_rate > 1.0 / loop.rate * (1 + 1e-9):
+    if loop.samples_per_block / loop.sample_rate > 1.0 / loop.rate * (1 + ROUNDING):
         problems.append(
             f"loop.samples_per_block: {loop.samples_per_block} samples at {loop.sample_rate:g} Hz take longer than one "
             f"period of loop.rate, {loop.rate:g} Hz; at most {int(loop.sample_rate / loop.rate)} fit"
@@ -285,20 +288,20 @@ def _cross_checks(common: BenchConfig) -> list[str]:
             "supply.watchdog_timeout: 0 means that a killed computer leaves the current on; set "
             "supply.allow_no_watchdog: true if the supply has no watchdog and you accept that"
         )
-    if not safety.reading_timeout >= 2.0 / loop.rate:
+    if not safety.reading_timeout >= 2.0 / loop.rate * (1 - ROUNDING):
         problems.append(
             f"safety.reading_timeout: {safety.reading_timeout:g} s is less than two periods of loop.rate, "
             f"{loop.rate:g} Hz: readings would count as stale in normal use"
         )
     supply_s, daq_s = common.instruments.supply.timeout, common.instruments.daq.timeout
-    if not safety.reading_timeout >= daq_s + supply_s + 1.0 / loop.rate:
-        least_s = least_reading_timeout_s(supply_s, daq_s, loop.rate)
+    if not safety.reading_timeout >= (daq_s + supply_s + 1.0 / loop.rate) * (1 - ROUNDING):
+        will_do_s = math.ceil(100.0 * least_reading_timeout_s(supply_s, daq_s, loop.rate) * (1 - ROUNDING)) / 100.0
         problems.append(
             f"safety.reading_timeout: {safety.reading_timeout:g} s is less than instruments.daq.timeout, {daq_s:g} s, "
             f"instruments.supply.timeout, {supply_s:g} s, and a period of loop.rate together: a silent instrument "
-            f"would be found later than docs/faults.md says; {math.ceil(100.0 * least_s) / 100.0:g} s will do"
+            f"would be found later than docs/faults.md says; {will_do_s:g} s will do"
         )
-    if 0.0 < supply.watchdog_timeout < 2.0 / loop.rate:
+    if 0.0 < supply.watchdog_timeout < 2.0 / loop.rate * (1 - ROUNDING):
         problems.append(
             f"supply.watchdog_timeout: {supply.watchdog_timeout:g} s is less than two periods of loop.rate, "
             f"{loop.rate:g} Hz: the watchdog would trip in normal use"

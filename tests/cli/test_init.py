@@ -265,7 +265,7 @@ def test_all_that_the_supply_is_not_opened_without_is_asked(dialect, asked_for):
 
 @pytest.mark.parametrize(
     ("rate_Hz", "timeout_s", "reading_timeout_s", "watchdog_s"),
-    [(20.0, 0.2, None, 1.0), (4.0, 0.2, 0.65, 1.0), (1.0, 0.4, 2.0, 2.0), (1.0, 0.6, 2.2, 2.0)],
+    [(20.0, 0.2, None, 1.0), (5.0, 0.2, 0.6, 1.0), (4.0, 0.2, 0.65, 1.0), (1.0, 0.4, 2.0, 2.0), (1.0, 0.6, 2.2, 2.0)],
 )
 def test_a_slow_loop_gets_the_times_that_it_wants(tmp_path, rate_Hz, timeout_s, reading_timeout_s, watchdog_s):
     said = {**ANSWERS, "loop.rate": rate_Hz, "instruments.supply.timeout": timeout_s}
