@@ -200,7 +200,8 @@ class Driver(Requests):
             return done, words
         while self._output.known is not Known.READ_ON:
             if not self._actuator.is_driven or self._cancelled != cancelled or self._ended:
-                return False, f"{OFF_MEANWHILE}; {self.output_words}"
+                # Told to be on, its turn to be told off has not come: that it is on is none of the news.
+                return False, OFF_MEANWHILE if self._output.known.is_on else f"{OFF_MEANWHILE}; {self.output_words}"
             if time.monotonic() >= until_s:
                 return False, f"the supply was told to switch on, and has not read that back within {timeout_s:g} s"
             time.sleep(_CONFIRM_PERIOD_s)

@@ -13,6 +13,7 @@ from sma_actuator.base.realtime import RealtimeRefused
 from sma_actuator.base.signals import Command, Mode, Reading, SupplyState
 from sma_actuator.config import Config
 from sma_actuator.driver import CURRENT_RESOLUTION_A, NOT_ASKED, OFF_MEANWHILE, CHECK_PERIOD_s, Driver, DriverStopped
+from sma_actuator.driver.output import Known
 from sma_actuator.instruments import InstrumentLate, InstrumentLost, InstrumentUnreachable, LimitsNotHeld, OutputStaysOn
 from sma_actuator.safety.faults import FAULTS
 from sma_actuator.safety.guards.program import loop_hung
@@ -962,6 +963,20 @@ class TestEnd:
         monkeypatch.setattr("concurrent.futures.wait", lambda *_: rig.driver.run_calls())
         done, words = rig.driver.enable(True, timeout_s=0.05)
         assert not done and words.endswith("has not read that back within 0.05 s")
+        rig.driver._thread = None
+
+    def test_an_on_that_ends_before_it_is_read_back_does_not_call_the_output_on(self, make, monkeypatch):
+        rig = make()
+        rig.steps(3)
+        rig.driver._thread = threading.Thread()  # that takes calls
+        monkeypatch.setattr("concurrent.futures.wait", lambda *_: rig.driver.run_calls())
+
+        def off_is_asked_for(_):
+            rig.driver._output._become(Known.TOLD_ON, 0.05)
+            rig.driver.cancel_enable()
+
+        monkeypatch.setattr("time.sleep", off_is_asked_for)
+        assert rig.driver.enable(True) == (False, OFF_MEANWHILE)
         rig.driver._thread = None
 
     def test_where_the_system_refuses_what_the_loop_wants_its_thread_has_ended(self, make, monkeypatch):
