@@ -1,9 +1,10 @@
-# PYTHON_ARGCOMPLETE_OK
 """The command ``sma-actuator``, also as ``python -m sma_actuator``, and the program ``sma_actuator_node``.
 
 It imports next to nothing: until either is loaded, which takes seconds, Ctrl-C ends the process on the spot, since
 there is nothing to tidy up; an exception would come up inside whatever is being imported.
 """
+
+# argcomplete looks for this word in the first thousand characters: PYTHON_ARGCOMPLETE_OK
 
 import atexit
 import contextlib
