@@ -2,10 +2,10 @@
 
     python benchmarks/coverage_by_room.py [--guards] [--report FILE.json]     (make coverage, make floor)
 
-Without options all tests; ``--guards`` takes the rooms that say what current may flow, with their own tests alone, and
-fails where less of one is covered than its floor, not where a test does (``make test`` judges that).  Kernels that
-numba compiles are left out (coverage does not see compiled code); ``--report`` reads the report of an earlier run
-instead of running the tests.
+Without options all tests; ``--guards`` takes the rooms that say what current may flow, with their own tests alone.
+Either fails where less of a room is covered than its floor; the second not where a test does (``make test`` judges
+that).  Kernels that numba compiles are left out (coverage does not see compiled code); ``--report`` reads the report of
+an earlier run instead of running the tests.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import collections
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Iterable
@@ -30,6 +31,20 @@ ROOMS = ("sma_actuator", "sma_msgs_py")
 #: Lines of a room that the tests of :data:`GUARDS` reach at the least [%]: about one below what they did when this was
 #: written (docs/results/coverage.txt), so that a change is not refused for a line, and a guard without a test is.
 FLOOR = {"sma_actuator/safety": 98, "sma_actuator/control": 97, "sma_actuator/actuator": 97, "sma_actuator/base": 91}
+#: What all tests reached of every room, as it was printed …
+PRINTED = ROOT / "docs" / "results" / "coverage.txt"
+#: … and how far below that a room may fall [%]: twice what its own tests may, since these lines are also reached by
+#: tests of processes, which do not always come by the same; of rooms with so few lines, one may be more than that.
+BELOW, FEW_LINES = 2.0, 100
+
+
+def floors(guards: bool) -> dict[str, float]:
+    """Share of its lines that the tests are to reach of each room [%]."""
+    if guards:
+        return dict(FLOOR)
+    _, of_all_tests = PRINTED.read_text(encoding="utf-8").split("coverage_by_room.py\n")
+    rooms = re.findall(r"^(sma\S+) +(\d+) +(\d+\.\d) %", of_all_tests, re.MULTILINE)
+    return {room: float(percent) - BELOW for room, lines, percent in rooms if int(lines) >= FEW_LINES}
 
 
 def room_of(file: str) -> str:
@@ -67,15 +82,16 @@ def main() -> int:
     for file, found in json.loads(args.report.read_text(encoding="utf-8"))["files"].items():
         for room in (room_of(file), "everything"):
             rooms[room].update({name: n for name, n in found["summary"].items() if isinstance(n, int)})
+    wanted = floors(args.guards)
     if args.guards:
-        rooms = {room: rooms[room] for room in FLOOR}
+        rooms = {room: rooms[room] for room in wanted}
     print(f"{'room':<28}{'lines':>8}{'covered':>10}{'branches':>10}{'covered':>10}")
     low = []
     for room, n in sorted(rooms.items(), key=lambda item: (item[0] == "everything", item[0])):
         lines, branches = shares(n)
         print(f"{room:<28}{n['num_statements']:>8}{lines:>10}{n['num_branches']:>10}{branches:>10}")
-        if args.guards and 100.0 * n["covered_lines"] < FLOOR[room] * n["num_statements"]:
-            low.append(f"{room}: {lines} of its lines are covered by its own tests; {FLOOR[room]} % is wanted")
+        if 100.0 * n["covered_lines"] < wanted.get(room, 0.0) * n["num_statements"]:
+            low.append(f"{room}: {lines} of its lines are covered; {wanted[room]:g} % is wanted")
     print(*low, sep="\n", end="", file=sys.stderr)
     return 1 if low else 0
 
