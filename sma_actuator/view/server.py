@@ -317,12 +317,12 @@ class ViewServer:
     @web.middleware
     async def _guarded(self, request: web.Request, handler: Any) -> web.StreamResponse:
         if _name_of(request.host) not in self._hosts:
-            raise web.HTTPForbidden(text=f"Host '{request.host}' is not this server\n")
+            raise web.HTTPForbidden(text=f"Host {request.host!r} is not this server\n")
         acts = request.path in ("/live", "/log", "/recording")
         origin = request.headers.get("Origin")
         if (acts or origin is not None) and origin != f"http://{request.host}":
-            raise web.HTTPForbidden(text=f"Origin '{origin}' is not a page of this server\n")
-        if acts and not hmac.compare_digest(_token_of(request).encode(), self.token.encode()):
+            raise web.HTTPForbidden(text=f"Origin {origin!r} is not a page of this server\n")
+        if acts and not hmac.compare_digest(_token_of(request), self.token.encode()):
             raise web.HTTPForbidden(
                 text="the token is missing or wrong: open the address that sma-actuator view prints\n"
             )
@@ -418,11 +418,12 @@ def _name_of(host: str) -> str | None:
         return None
 
 
-def _token_of(request: web.Request) -> str:
-    """The token of a request: browsers let a WebSocket carry it only among its protocols."""
+def _token_of(request: web.Request) -> bytes:
+    """The token of a request, which may be no text: browsers let a WebSocket carry it only among its protocols."""
     bearer = request.headers.get("Authorization", "").removeprefix("Bearer ")
     protocols = [p.strip() for p in request.headers.get("Sec-WebSocket-Protocol", "").split(",")]
-    return bearer or next((p.removeprefix(TOKEN_PREFIX) for p in protocols if p.startswith(TOKEN_PREFIX)), "")
+    token = bearer or next((p.removeprefix(TOKEN_PREFIX) for p in protocols if p.startswith(TOKEN_PREFIX)), "")
+    return token.encode(errors="surrogateescape")
 
 
 def _answer(number: Any, ok: bool, sentence: str) -> str:

@@ -2,8 +2,10 @@
 
 import asyncio
 import contextlib
+import http.client
 import math
 import time
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
@@ -158,6 +160,19 @@ def test_only_a_page_of_this_server_with_its_token_is_answered(stand, headers, w
     for status, text in asyncio.run(refusals()):
         assert status == 403
         assert word in text
+
+
+@pytest.mark.parametrize(("header", "word"), [("Host", "Host"), ("Origin", "Origin"), ("Authorization", "token")])
+def test_headers_that_are_no_text_are_refused_as_others(stand, header, word):
+    headers = {"Host": urlsplit(stand.url).netloc, "Origin": stand.url, header: b"Bearer \xff\xfe"}
+    connection = http.client.HTTPConnection(urlsplit(stand.url).netloc, timeout=SOON_s)
+    connection.putrequest("POST", "/log?name=x.csv", skip_host=True)
+    for name, value in headers.items():
+        connection.putheader(name, value)
+    connection.endheaders()
+    answer = connection.getresponse()
+    assert answer.status == 403 and word in answer.read().decode()
+    connection.close()
 
 
 def test_the_page_brings_nothing_from_elsewhere_and_nobody_may_frame_it(stand):
