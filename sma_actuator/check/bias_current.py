@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
 from sma_actuator.base.signals import Reading, SupplyState
 from sma_actuator.estimation.circuit import signals_from_reading
+from sma_actuator.safety.alive import RARE
 from sma_actuator.safety.guards.supply import SETTING_TOLERANCE_A
 from sma_actuator.safety.supervisor import may_flow_W, unwatched_s
 from sma_actuator.safety.thermal import WireHeat
@@ -44,10 +46,39 @@ def at_bias(probe: Probe) -> None:
                 f"the channel of the {WORDS[name]} reads {values[name][0]:g} V to the last digit: nothing is "
                 "connected to it, it is stuck, or its digits are coarser than any noise",
             )
+    _digits(probe, values)
     supply_V, reference_V = (float(np.mean(values[n])) for n in ("supply_voltage_V", "reference_voltage_V"))
     _current(probe, supply_V, reference_V, state)
     _voltage(probe, supply_V, state.voltage_V)
     probe.resistance_Ohm = _resistance(probe, supply_V, reference_V)
+
+
+def _digits(probe: Probe, values: Mapping[str, np.ndarray]) -> None:
+    """Do they change where nothing moves, so that by chance alone no channel is taken for stuck?
+
+    A slow loop reads seldom, so a few alike in a row last for long.
+    """
+    rate_Hz, stuck_s = probe.config.loop.rate, probe.config.safety.stuck_time
+    alike, name = max((_alike(channel), name) for name, channel in values.items() if name != "time_s")
+    chance_s = math.log(RARE) / math.log(alike) / rate_Hz if alike else 0.0
+    if chance_s <= stuck_s:
+        return
+    gain = "more gain, or " if name == "load_cell_voltage_V" else ""
+    probe.say(
+        "digits",
+        f"{100.0 * alike:.2g} % of the readings of the {WORDS[name]} are like another to the last digit, so that it "
+        f"would be taken for stuck after safety.stuck_time, {stuck_s:g} s: write safety.stuck_time: "
+        f"{math.ceil(chance_s)}, or give it {gain}more digits",
+        Level.WARNING,
+    )
+
+
+def _alike(values: np.ndarray) -> float:
+    """How often one reading is like the one before; where it does not drift, any two of them tell: of so few readings
+    neighbours alone may not show what comes once in ten."""
+    number = len(values)
+    pairs = (np.count_nonzero(values[:, None] == values) - number) / (number * (number - 1))
+    return max(float(np.mean(np.diff(values) == 0.0)), float(pairs))
 
 
 def _step(probe: Probe) -> None:

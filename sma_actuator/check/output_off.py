@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from sma_actuator.base.calibration import through
 from sma_actuator.config import Config
 from sma_actuator.derived import not_survived
 from sma_actuator.instruments import InstrumentError
-from sma_actuator.safety.alive import RARE
 
 from .found import Level, passed
 from .pace import LEAST_RATE_Hz
@@ -136,26 +133,7 @@ def at_rest(probe: Probe) -> None:
             )
     if passed(probe.found):
         probe.say("noise", "zeros and noise of the channels are what they may be")
-    _digits(probe, values["load_cell_voltage_V"])
     _load(probe, values)
-
-
-def _digits(probe: Probe, load_cell_V: np.ndarray) -> None:
-    """Do they change where nothing moves, so that by chance alone the load cell is not taken for stuck?"""
-    rate_Hz, stuck_s = probe.config.loop.rate, probe.config.safety.stuck_time
-    alike = float(np.mean(np.diff(load_cell_V) == 0.0))
-    if not 0.0 < alike < 1.0:  # of one that never changes ``_at_bias`` speaks
-        return
-    chance_s = math.log(RARE) / math.log(alike) / rate_Hz
-    if chance_s <= stuck_s:
-        return
-    probe.say(
-        "digits",
-        f"{100.0 * alike:.0f} % of the load cell's readings are like the one before to the last digit, so that it "
-        f"would be taken for stuck after safety.stuck_time, {stuck_s:g} s: write safety.stuck_time: "
-        f"{math.ceil(chance_s)}, or give it more gain, or more digits",
-        Level.WARNING,
-    )
 
 
 def _rate(probe: Probe, time_s: np.ndarray) -> None:

@@ -218,6 +218,23 @@ def test_a_load_cell_whose_digits_are_coarse_would_be_taken_for_stuck():
     assert "digits" not in [each.part for each in stand.found]
 
 
+def test_in_a_slow_loop_a_few_readings_of_the_sense_resistor_that_are_alike_would_be_taken_for_stuck():
+    """A multimeter's noise is a digit or two: at a few readings a second as many alike in a row last for seconds."""
+
+    def slow(stand):
+        stand.chain(noise_V=(2e-3, 4e-4, 3e-3, 1.5e-4, 0.02))  # of steps of 0.3 mV
+        stand.change(
+            loop__samples_per_block=1, loop__rate=4.0, safety__reading_timeout=3.0, supply__watchdog_timeout=2.0
+        )
+
+    stand = Stand(slow)
+    assert passed(stand.found), stand.wrong
+    (said,) = [each for each in stand.found if each.part == "digits"]
+    assert said.level is Level.WARNING and "of the readings of the sense resistor are like another" in said.sentence
+    said_s = float(re.search("write safety.stuck_time: (.*?),", said.sentence)[1])
+    assert 2.0 < said_s <= 8.0, "of 10 to 40 % by chance, once in a million million readings"
+
+
 def test_without_a_load_the_sign_of_the_load_cell_is_not_told():
     stand = Stand(load_N=0.0)
     (said,) = [each for each in stand.found if each.part == "load cell"]
