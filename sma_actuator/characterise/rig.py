@@ -111,6 +111,16 @@ class Rig:
         finally:
             self.supply.shut_down()
 
+    def _next_s(self, deadline_s: float) -> float:
+        """When the next row is read, after a current was told: at its deadline, or where that has passed a whole period
+        later.
+
+        A DAQ that takes one channel at a time and begins at once reads supply and sense resistor on both sides of a
+        step of the current: a wire of 6 Ω was shorted, or had 14 Ω.
+        """
+        now_s = self.clock.now_s()
+        return deadline_s if now_s <= deadline_s else now_s + 1.0 / self.config.loop.rate
+
     def _answered(self, question: Callable[[], T]) -> T:
         """Its answer, though late: it is waited for as long as a reading may be old.  Raises InstrumentLost after
         that, and whatever else the instrument raises."""
@@ -150,7 +160,7 @@ class Rig:
                         watch.try_anew()
                     current_A = watch.allowed_A(drive.current_A)
                     self.supply.set_current(current_A)
-                    deadline_s = max(deadline_s + period_s, clock.now_s())
+                    deadline_s = self._next_s(deadline_s + period_s)
                     clock.sleep_until_s(deadline_s)
                     reading = self._answered(self.daq.read_block)
                     signals = signals_from_reading(reading, self.config)

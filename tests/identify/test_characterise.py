@@ -795,6 +795,27 @@ def test_what_looks_at_every_row_is_compiled_before_current_flows():
     assert done.stdout == "{}\n"
 
 
+@pytest.mark.parametrize("late_periods", [0.0, 1.3])
+def test_after_an_answer_that_comes_late_the_current_has_time_to_stand_before_a_row_is_read(late_periods):
+    """A DAQ that takes one channel at a time would read them on both sides of its step."""
+    bench, rig, _ = virtual_rig("flexinol")
+    period_s = 1.0 / rig.config.loop.rate
+    read_block, set_current, told_s, stood_s = rig.daq.read_block, rig.supply.set_current, [], []
+
+    def read():
+        if told_s:
+            stood_s.append(bench.time_s - told_s[-1])
+        if len(stood_s) == 5:
+            bench.advance(bench.time_s + late_periods * period_s)
+        return read_block()
+
+    rig.daq.read_block = read
+    rig.supply.set_current = lambda current_A: (told_s.append(bench.time_s), set_current(current_A))
+    with rig.opened():
+        rig.record(hold(rig.config.supply.bias_current, 1.0))
+    assert len(stood_s) > 10 and min(stood_s) > 0.99 * period_s
+
+
 @pytest.mark.parametrize("diameter_m", [25e-6, 50e-6, 0.15e-3, 0.5e-3])
 def test_fine_wires_get_weights_and_loads_that_they_can_carry_and_that_differ(diameter_m):
     mapping = bench_mapping("flexinol")
