@@ -31,13 +31,9 @@ AGREE_RATIO = 0.5  #: span of an effect's value over the folds, over its median:
 AGREE_SPAN = 0.05  #: or over the span that physics leaves it, if that is more
 NOTHING_STROKE = 0.002  #: a held-out error below this share of the stroke is that of the position sensor
 RULES = Rules(
-    significant=0.0,  # what a new run will show is asked for instead
     probable=0.8,  # of five new runs four are better with what is added
     margin=-log(EARNS_RATIO),
     worst_rise=log(1.03),
-    leaders=2,
-    most=2,
-    unit="run",
 )
 _RACE_EVALUATIONS = 15
 _FINAL_EVALUATIONS = 60
@@ -267,7 +263,7 @@ def _choose(
     out = []
     for i, (place, fitted_heats, rigid, found) in enumerate(ends):
         winner = ranked[i][place] if place is not None else plains[i]
-        alternatives = selected[i].rounds[-1].alternatives if place == 0 else ()
+        alternatives = selected[i].alternatives if place == 0 else ()
         alike = tuple(Outcome(t, plains[i].plain_m) for t in alternatives if len(t.names) <= len(winner.names))
         plain_fit = fitted_heats[plains[i].fits[0].wire.drive.heats]
         entries = sorted((Outcome(t, plains[i].plain_m) for t in selected[i].trials), key=lambda e: e.ratio)
@@ -386,7 +382,7 @@ def _ranked(selection: Selection, plain: Outcome) -> list[Outcome]:
     """Those that earn it: the winner, those alike, then the others by what they gain."""
     if selection.chosen is None:
         return []
-    first = [selection.chosen, *selection.rounds[-1].alternatives]
+    first = [selection.chosen, *selection.alternatives]
     rest = sorted((t for t in selection.trials if not t.refusal), key=lambda t: -t.gain)
     by_name = {t.names: t for t in [*first, *rest]}
     return [Outcome(t, plain.plain_m) for t in by_name.values()]

@@ -465,7 +465,7 @@ def test_an_effect_that_no_bench_can_hide_competes_like_any_other(wire, config, 
     assert found.fit.values["scale"]["gain"] == pytest.approx(0.1, rel=0.2)
 
 
-@pytest.mark.long  # of the choice, test_selection.py: side by side as alone
+@pytest.mark.long
 def test_rerunning_gives_the_same_answer(wire, config):
     logs = session(wire[0], {"voltage_offset": 0.004}, logs=1)
     few = all_but("voltage_offset", "slip", "creep")
