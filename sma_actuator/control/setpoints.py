@@ -10,7 +10,6 @@ from .pid import POSITION_BOUND_m
 
 Setpoint = Callable[[float], float]  #: time since its start [s] → position [m]
 
-INTERPOLATIONS = ("linear", "cubic")
 _FASTEST_m_s = 100.0  #: beyond it a number is no velocity of a wire; NaN fails the same comparison
 
 
@@ -50,28 +49,22 @@ def triangle(offset_m: float, amplitude_m: float, period_s: float) -> Setpoint:
 
 
 class Trajectory:
-    """Timed points with interpolation; before the first point and after the last, that point's position.
+    """Timed points, joined by straight lines; before the first point and after the last, that point's position.
 
-    ``linear`` joins the points by straight lines.  ``cubic`` is a monotone cubic Hermite curve
-    (slopes by Fritsch and Carlson, SIAM J. Numer. Anal. 17 (1980) 238): it starts and ends at rest
-    and never leaves the range of the points it joins, as a plain spline would.  With ``velocities_m_s``
-    it is the cubic that passes each point at its velocity.
+    With ``velocities_m_s`` it is the cubic that passes each point at its velocity.
     """
 
-    __slots__ = ("_cubic", "_slopes_m_s", "positions_m", "times_s")
+    __slots__ = ("_velocities_m_s", "positions_m", "times_s")
 
     def __init__(
         self,
         times_s: Sequence[float],
         positions_m: Sequence[float],
-        interpolation: str = "linear",
         velocities_m_s: Sequence[float] | None = None,
     ):
         """Raises ValueError, in a sentence, for points that cannot be followed."""
         times = tuple(float(t) for t in times_s)
         positions = tuple(float(p) for p in positions_m)
-        if interpolation not in INTERPOLATIONS:
-            raise ValueError(f"interpolation: '{interpolation}' is not one of {', '.join(INTERPOLATIONS)}")
         if not times:
             raise ValueError("trajectory: it has no points; at least one is wanted")
         if len(times) != len(positions):
@@ -99,11 +92,7 @@ class Trajectory:
                 )
         self.times_s = times
         self.positions_m = positions
-        self._cubic = interpolation == "cubic" or velocities_m_s is not None
-        if velocities_m_s is not None:
-            self._slopes_m_s = _checked_velocities(velocities_m_s, len(times))
-        else:
-            self._slopes_m_s = _monotone_slopes(times, positions) if self._cubic else ()
+        self._velocities_m_s = None if velocities_m_s is None else _checked_velocities(velocities_m_s, len(times))
 
     @property
     def duration_s(self) -> float:
@@ -117,8 +106,8 @@ class Trajectory:
         """
         if not (time_s < self.times_s[0] and math.isfinite(position_m)):
             return self
-        slopes_m_s = (0.0, *self._slopes_m_s) if self._cubic else None
-        return Trajectory((time_s, *self.times_s), (position_m, *self.positions_m), velocities_m_s=slopes_m_s)
+        velocities_m_s = None if self._velocities_m_s is None else (0.0, *self._velocities_m_s)
+        return Trajectory((time_s, *self.times_s), (position_m, *self.positions_m), velocities_m_s)
 
     def refusal(self, delay_s: float) -> str:
         """Why it cannot be followed from ``delay_s`` after now, or "": a negative one has begun before."""
@@ -136,10 +125,11 @@ class Trajectory:
         k = bisect_right(times, time_s) - 1
         step_s = times[k + 1] - times[k]
         s = (time_s - times[k]) / step_s
-        if not self._cubic:
+        velocities = self._velocities_m_s
+        if velocities is None:
             return positions[k] + s * (positions[k + 1] - positions[k])
         h = s * s * (3.0 - 2.0 * s)
-        bend_m = s * (1.0 - s) * step_s * (self._slopes_m_s[k] * (1.0 - s) - self._slopes_m_s[k + 1] * s)
+        bend_m = s * (1.0 - s) * step_s * (velocities[k] * (1.0 - s) - velocities[k + 1] * s)
         return positions[k] + h * (positions[k + 1] - positions[k]) + bend_m
 
 
@@ -159,17 +149,6 @@ def _checked_velocities(velocities_m_s: Sequence[float], points: int) -> tuple[f
                 f"wanted, of a joint radians"
             )
     return velocities
-
-
-def _monotone_slopes(times_s: Sequence[float], positions_m: Sequence[float]) -> tuple[float, ...]:
-    """Slopes at the points [m/s]: zero at the ends and at extremes, else the harmonic mean."""
-    slopes = [0.0] * len(times_s)
-    secants = [(positions_m[i + 1] - positions_m[i]) / (times_s[i + 1] - times_s[i]) for i in range(len(times_s) - 1)]
-    for i in range(1, len(times_s) - 1):
-        before, after = secants[i - 1], secants[i]
-        if before * after > 0.0:
-            slopes[i] = 2.0 * before * after / (before + after)
-    return tuple(slopes)
 
 
 def _check_finite(**values: float) -> None:

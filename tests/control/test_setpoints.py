@@ -32,37 +32,14 @@ def test_triangle_has_straight_flanks_between_its_peaks():
 class TestTrajectory:
     POINTS = ([1.0, 2.0, 4.0], [0.001, 0.003, 0.002])
 
-    @pytest.mark.parametrize("interpolation", ["linear", "cubic"])
-    def test_passes_through_its_points_and_rests_outside_them(self, interpolation):
-        trajectory = Trajectory(*self.POINTS, interpolation)
+    @pytest.mark.parametrize("velocities_m_s", [None, [0.0, 0.001, 0.0]])
+    def test_passes_through_its_points_and_rests_outside_them(self, velocities_m_s):
+        trajectory = Trajectory(*self.POINTS, velocities_m_s)
         assert [trajectory(t) for t in (0.0, 1.0, 2.0, 4.0, 99.0)] == pytest.approx([0.001, 0.001, 0.003, 0.002, 0.002])
         assert trajectory.duration_s == 4.0
 
-    def test_linear_is_straight_between_them(self):
+    def test_without_velocities_it_is_straight_between_them(self):
         assert Trajectory(*self.POINTS)(1.25) == pytest.approx(0.0015)
-
-    def test_cubic_starts_and_ends_at_rest(self):
-        trajectory = Trajectory([0.0, 1.0], [0.0, 1.0], "cubic")
-        assert trajectory(1e-4) == pytest.approx(3e-8, rel=1e-3)
-        assert 1.0 - trajectory(1.0 - 1e-4) == pytest.approx(3e-8, rel=1e-3)
-        assert trajectory(0.5) == pytest.approx(0.5)
-
-    def test_cubic_has_no_corner_where_the_motion_goes_on(self):
-        trajectory = Trajectory([0.0, 1.0, 3.0], [0.0, 1.0, 2.0], "cubic")
-        h = 1e-6
-        before, after = (trajectory(1.0) - trajectory(1.0 - h)) / h, (trajectory(1.0 + h) - trajectory(1.0)) / h
-        assert before == pytest.approx(after, rel=1e-4)
-        assert before == pytest.approx(2.0 * 1.0 * 0.5 / 1.5, rel=1e-4)  # harmonic mean of the two secants
-
-    def test_cubic_never_leaves_the_range_of_the_points_it_joins(self):
-        times = [0.0, 1.0, 1.1, 5.0, 5.2, 9.0]
-        positions = [0.0, 0.001, 0.004, 0.004, 0.001, 0.0]
-        trajectory = Trajectory(times, positions, "cubic")
-        for k in range(900):
-            t = 0.01 * k
-            i = max(j for j, time in enumerate(times) if time <= t)
-            lo, hi = sorted(positions[i : i + 2] if i + 1 < len(times) else [positions[i]] * 2)
-            assert lo - 1e-12 <= trajectory(t) <= hi + 1e-12
 
     @pytest.mark.parametrize(
         ("times_s", "positions_m", "sentence"),
@@ -88,10 +65,6 @@ class TestTrajectory:
         assert led(0.51) - 0.002 < 1e-5 and led(0.75) == pytest.approx(0.003)
         assert Trajectory([1.0], [0.004]).led_in(0.5, 0.002)(0.75) == pytest.approx(0.003)
         assert slow.led_in(1.0, 0.002) is slow and slow.led_in(0.5, math.nan) is slow
-
-    def test_refuses_an_unknown_interpolation(self):
-        with pytest.raises(ValueError, match="'quintic' is not one of linear, cubic"):
-            Trajectory([0.0], [0.001], "quintic")
 
 
 @pytest.mark.parametrize(
