@@ -15,6 +15,7 @@ from .probe import WORDS, Probe
 
 #: Volts that may stand at a channel: a share of what the bias makes of it, and beside that.
 ZERO_SHARE, ZERO_V = 0.03, 1e-3
+OTHER_SHARE = 0.3  #: the same, ten times as much, from which it is no zero error any more
 NOISE_SHARE = 0.02  #: the same of a channel's noise; for the load, of the load at wire.max_stress
 LEAST_LOAD_SHARE = 0.01  #: of the load at wire.max_stress, below which the sign of the load cell cannot be told
 PERIOD_SHARE = 0.2  #: by which the DAQ may be slower than the loop
@@ -126,6 +127,13 @@ def at_rest(probe: Probe) -> None:
             )
     for name in ("reference_voltage_V", "supply_voltage_V"):
         zero_V = float(np.mean(values[name]))
+        if abs(zero_V) > OTHER_SHARE * bounds_V[name] + ZERO_V:
+            probe.end(
+                "zeros",
+                f"the channel of the {WORDS[name]} reads {zero_V * 1e3:.3g} mV with the output off, no zero error but "
+                "another sensor, as the load cell's amplifier or that of displacement; compare "
+                f"instruments.daq.{name.removesuffix('_V')}_channel with the cables",
+            )
         if abs(zero_V) > ZERO_SHARE * bounds_V[name] + ZERO_V:
             probe.wrong(
                 "zeros",

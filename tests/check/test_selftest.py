@@ -63,6 +63,15 @@ def swapped_channels(stand):
     stand.change(instruments__daq__supply_voltage_channel=102, instruments__daq__reference_voltage_channel=101)
 
 
+def swapped_with_the_load_cell(name):
+    return lambda stand: stand.change(
+        **{
+            f"instruments__daq__{name}_channel": 103,
+            "instruments__daq__load_cell_channel": getattr(stand.config.instruments.daq, f"{name}_channel"),
+        }
+    )
+
+
 def longer_wire(stand):
     wire = stand.setup.wire
     stand.setup = replace(stand.setup, wire=replace(wire, length_m=2.0 * wire.length_m))
@@ -72,6 +81,14 @@ def longer_wire(stand):
 MISTAKES = {
     "supply and sense resistor swapped": (swapped_channels, ("channels of supply voltage and sense resistor are "
                                                             "swapped")),
+    "sense resistor and load cell swapped": (
+        swapped_with_the_load_cell("reference_voltage"),
+        "sense resistor reads 81.7 mV with the output off, no zero error",
+    ),
+    "supply voltage and load cell swapped": (
+        swapped_with_the_load_cell("supply_voltage"),
+        "supply voltage reads 81.7 mV with the output off, no zero error",
+    ),
     "load cell reversed": (lambda s: s.faults.update(channel_reversed=103), "a wire cannot push"),
     "sense resistor reversed": (lambda s: s.faults.update(channel_reversed=102), ("the taps of the sense resistor are "
                                                                                  "swapped")),
