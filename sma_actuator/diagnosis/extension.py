@@ -25,7 +25,7 @@ from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.errors import BenchLogError
 from sma_actuator.logs.kinds import PARTIAL
 
-from .selection import paired
+from .falls import paired
 from .trace.candidates import Candidate
 from .trace.evidence import Evidence
 from .trace.fitting import Fit, fit

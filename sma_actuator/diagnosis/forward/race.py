@@ -3,7 +3,7 @@
 An effect is chosen on leave-one-run-out folds; the error that is stated is that of a run on which
 nothing was chosen or fitted.  Choosing is a fit too: on the folds of the choice the error always falls.
 
-The competition is that of :mod:`sma_actuator.diagnosis.selection`: a unit is a run, its loss the logarithm
+The competition is that of :mod:`.selection`: a unit is a run, its loss the logarithm
 of the RMS error, so that a run that nobody can explain does not drown the others.
 """
 
@@ -17,12 +17,13 @@ from math import log
 
 import numpy as np
 
-from sma_actuator.diagnosis.selection import Entry, NextFall, Progress, Rules, Selection, Trial, next_fall, run, select
+from sma_actuator.diagnosis.falls import NextFall, next_fall
 from sma_actuator.fleet import Call, spread
 
 from .candidates import CANDIDATES, ForwardCandidate
 from .fitting import ForwardFit, fit, fit_for_new_runs, plain_parameters, plain_starts, residual_m
 from .runs import Run
+from .selection import Entry, Progress, Rules, Selection, Trial, run, select
 from .wire import ForwardWire
 
 EARNS_RATIO = 0.95  #: error on unseen runs with the effect over that without, geometric mean over runs

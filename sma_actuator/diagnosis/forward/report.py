@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sma_actuator.base.parameters import to_mapping
-from sma_actuator.diagnosis.selection import INSIDE
+from sma_actuator.diagnosis.falls import INSIDE
 
 from .fitting import predict
 from .race import Choice, ForwardTracing, Outcome

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sma_actuator.diagnosis.selection import INSIDE, Entry, Rules, Trial, next_fall, run, select
+from sma_actuator.diagnosis.falls import INSIDE, next_fall
+from sma_actuator.diagnosis.forward.selection import Entry, Rules, Trial, run, select
 
 UNITS = 40
 BASE = 10.0 + 0.2 * np.random.default_rng(0).standard_normal(UNITS)
