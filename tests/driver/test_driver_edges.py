@@ -438,7 +438,7 @@ class TestOutputThatComesOnLate:
         """A function: (driver, supply, bench) with an output that comes on so much later, after a try to enable it."""
         drivers = []
 
-        def make(late_s):
+        def make(late_s, **changes):
             class Late(NotedSupply):
                 on_s = float("inf")
 
@@ -453,7 +453,7 @@ class TestOutputThatComesOnLate:
                         self._command(self._bench.supply.set_output, True)
                     return super().read_back()
 
-            config = Config.from_mapping(make_config())
+            config = Config.from_mapping(make_config(**changes))
             bench = VirtualBench.from_name("flexinol", seed=1)
             supply = Late(bench, config)
             drivers.append(driver := Driver(config, supply, InProcessDaq(bench, config), VirtualClock(bench)))
@@ -477,6 +477,17 @@ class TestOutputThatComesOnLate:
             output = driver.run_for(0.1)
         assert output.status.fault == ""
         assert bench.truth.displacement_m == pytest.approx(3e-3, abs=0.2e-3)
+
+    def test_what_was_read_before_it_came_on_settles_nothing(self, coming_on):
+        slow = {"loop.rate": 4.0, "loop.samples_per_block": 10, "safety.reading_timeout": 0.65}
+        driver, supply, _ = coming_on(0.7, **slow)
+        flowing = []
+        while len(flowing) < 3:
+            driver.offer_setpoint(2e-3)
+            output = driver.run_for(0.25)
+            if supply.read_back().output_on:
+                flowing.append(output.setpoint_m)
+        assert all(setpoint_m != setpoint_m for setpoint_m in flowing), "no law has been asked yet"
 
     def test_one_that_does_not_come_on_in_time_is_a_fault(self, coming_on):
         driver, supply, _ = coming_on(1.5)
