@@ -109,6 +109,11 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
             )
     if options.follow:
         return _second_round(config, options)
+    if FULL in options.skip and PARTIAL not in options.skip:
+        raise ConfigError(
+            f"partial cycles: they go from end to end of what the {FULL} before them have shown, and --skip {FULL} "
+            f"leaves those out; --skip {PARTIAL} too"
+        )
     pulse = _pulse(config, options)
     parts = _of_the_bench(options, masses_kg)
     if options.training_cycles:

@@ -679,6 +679,14 @@ def test_a_plan_that_would_harm_the_wire_is_refused(options, sentence):
         make_plan(rig.config, options)
 
 
+def test_partial_cycles_without_the_pulses_whose_stroke_they_go_by_are_refused():
+    _, rig, _ = virtual_rig("flexinol")
+    with pytest.raises(ConfigError, match="--skip pulses leaves those out; --skip partial too"):
+        make_plan(rig.config, PlanOptions(skip=("pulses", "check")))
+    kinds = {part.kind for part in make_plan(rig.config, PlanOptions(levels=2, skip=("pulses", "partial")))}
+    assert "levels" in kinds and "partial" not in kinds
+
+
 def test_a_current_that_would_overheat_a_badly_cooled_wire_is_refused():
     mapping = bench_mapping("flexinol")
     mapping["thermal"] = {**mapping["thermal"], "heat_loss": 0.002}
