@@ -367,3 +367,25 @@ class TestMeasurementsOfTheCircuit:
 def test_a_live_parameter_arrives_in_the_health_of_the_model(rig):
     rig.actuator.update(rig.config.replace({"thermal.ambient_tolerance": 3.0}))
     assert rig.actuator._health._tolerance_K == 3.0
+
+
+@pytest.mark.parametrize("held_back", [False, True])
+def test_a_wire_that_the_heat_limit_holds_back_is_tried_anew_from_colder(rig, held_back, monkeypatch):
+    asked = []
+    rig.enable()
+    rig.track()
+    reach, supervisor = rig.actuator._following._reach, rig.actuator._supervisor
+    monkeypatch.setattr(type(supervisor), "let_cool", lambda _: asked.append("let cool"))
+    monkeypatch.setattr(type(reach), "step", lambda reach, *_, **__: setattr(reach, "held_back", held_back))
+    rig.step()
+    assert bool(asked) == held_back
+
+
+@pytest.mark.parametrize("astray", [False, True])
+def test_the_heat_limit_hears_whether_the_wire_is_where_it_should_be(rig, astray, monkeypatch):
+    rig.enable()
+    rig.track()
+    reach = rig.actuator._following._reach
+    monkeypatch.setattr(type(reach), "step", lambda reach, *_, **__: setattr(reach, "astray", astray))
+    rig.step()
+    assert rig.actuator._supervisor.heat.astray == astray
