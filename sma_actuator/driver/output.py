@@ -221,9 +221,10 @@ class SupplyOutput:
     def _flows_on(self, output: Output) -> bool:
         """Whether current has flown longer than readings may be wrong, though the supply says that its output is
         off."""
-        safety, reading = self.safety, output.reading
-        if reading is None or not self._known.is_off or not output.signals.current_A > safety.current_disagreement:
+        safety, signals = self.safety, output.signals
+        if output.reading is None or not self._known.is_off or not signals.current_A > safety.current_disagreement:
             self._flows_since_s = math.inf
             return False
-        self._flows_since_s = min(self._flows_since_s, reading.time_s)
-        return reading.time_s - self._flows_since_s >= safety.disagreement_time
+        # By the time of the signals: where a reading is unusable they are of before, when the output was on.
+        self._flows_since_s = min(self._flows_since_s, signals.time_s)
+        return signals.time_s - self._flows_since_s >= safety.disagreement_time

@@ -611,6 +611,16 @@ class TestSaid:
         rig.steps(1)
         assert rig.status.values["output"] == "off", "it begins anew"
 
+    def test_what_flowed_before_readings_were_unusable_is_not_said_to_flow_on(self, make):
+        rig = make({"safety.current_disagreement": 0.05, "safety.disagreement_time": 0.25})
+        rig.drive()
+        rig.daq.extra_A = 0.06
+        rig.steps(1)
+        rig.daq.extra_A = math.nan
+        rig.driver.enable(False)
+        rig.steps(10)
+        assert rig.status.values["output"] == "off"
+
     def test_it_counts_from_the_first_reading(self, make):
         rig = make({"safety.current_disagreement": 0.05, "safety.disagreement_time": 0.25})
         rig.daq.extra_A = 0.06
