@@ -202,6 +202,11 @@ class TestHeat:
         assert BIAS_A < wanted_A < MAX_A
         assert supervisor.limit_A() == pytest.approx(wanted_A, rel=1e-12)
 
+    def test_so_it_does_once_readings_may_be_older(self, make):
+        supervisor = make(**{**SMALL, "supply.watchdog_timeout": 1.0, "loop.rate": 10.0})
+        supervisor.update(supervisor.config.replace({"safety.reading_timeout": 2.0}))
+        assert BIAS_A < supervisor.limit_A() == pytest.approx(self.heat_A(supervisor, 2.1, 5.0), rel=1e-12)
+
     @pytest.mark.parametrize("resistance_Ohm", [0.5, 0.9, 5.0])
     def test_uses_the_resistance_that_was_measured(self, make, resistance_Ohm):
         supervisor = make(resistance_Ohm, **SMALL, **{"supply.max_current": 0.8, "supply.over_current_trip": 0.9})
