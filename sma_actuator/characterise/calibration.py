@@ -30,5 +30,8 @@ def fit_line(x, y, what: str) -> Line:
     slope, offset = np.polyfit(x, y, 1)
     correlation = np.corrcoef(x, y)[0, 1]
     if abs(correlation) < 0.99:
-        raise ConfigError(f"{what}: correlation {correlation:.4f} is no straight line; check the points and repeat")
+        raise ConfigError(
+            f"{what}: correlation {correlation:.4f} is no straight line; is the sensor at that channel, and within its "
+            "range at all points? Check the points and repeat"
+        )
     return Line(float(slope), float(offset), float(correlation), tuple(float(r) for r in y - (slope * x + offset)))

@@ -66,6 +66,12 @@ def lead_resistance(
     )
 
 
+def _channel(rig: Rig, sensor: str) -> str:
+    """Where a sensor is read, as the bench file says it."""
+    name = f"{sensor}_channel"
+    return f"instruments.daq.{name}, {getattr(rig.config.instruments.daq, name)}"
+
+
 def load_cell(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLog], progress: Progress) -> Outcome:
     """Load against voltage for a series of masses (appendix A)."""
     recorded, voltage_V = {}, []
@@ -74,7 +80,7 @@ def load_cell(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, Bench
         log = _point(rig, part, i, progress, {"force_N": force_N})
         recorded[f"calibration/load_cell_{i:02d}"] = log
         voltage_V.append(float(np.mean(log["load_cell_voltage_V"])))
-    line = fit_line(voltage_V, part.parameters["forces_N"], "load cell")
+    line = fit_line(voltage_V, part.parameters["forces_N"], f"load cell at {_channel(rig, 'load_cell')}")
     return Outcome(
         recorded,
         _line_results(line, voltage_V, part.parameters["forces_N"]),
@@ -91,7 +97,7 @@ def lvdt(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLog],
         recorded[f"calibration/lvdt_{i:02d}"] = log
         amperes.append(float(np.mean(log["lvdt_current_A"])))
         places_m.append(place_m)
-    line = fit_line(amperes, places_m, "LVDT")
+    line = fit_line(amperes, places_m, f"LVDT at {_channel(rig, 'lvdt')}")
     return Outcome(
         recorded,
         _line_results(line, amperes, places_m),

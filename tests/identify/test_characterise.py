@@ -701,6 +701,19 @@ def test_a_calibration_whose_channel_does_not_move_is_refused():
         fit_line([0.0, 1.0, 2.0, 3.0], [0.0, 5.0, 1.0, 4.0], "load cell")
 
 
+@pytest.mark.parametrize("sensor, channel", [("load_cell", 103), ("lvdt", 104)])
+def test_a_sensor_that_does_not_follow_its_points_is_named_with_its_channel(sensor, channel, tmp_path):
+    """As an input that is open: its noise lies on no line."""
+    _, rig, operator = virtual_rig("flexinol")
+    noise, read_block = np.random.default_rng(2), rig.daq.read_block
+    rig.daq.read_block = lambda: dataclasses.replace(
+        read_block(), load_cell_voltage_V=noise.normal(0.0, 2e-3), lvdt_current_A=noise.normal(0.0, 2e-4)
+    )
+    (part,) = [each for each in make_plan(rig.config, PlanOptions(average_s=0.5)) if each.kind == sensor]
+    with rig.opened(), pytest.raises(ConfigError, match=rf"at instruments\.daq\.{sensor}_channel, {channel}: corr.*"):
+        RUN[sensor](part, rig, operator, {}, lambda elapsed_s: None)
+
+
 def test_a_folder_of_another_physics_is_refused_and_what_it_holds_is_said_to_be_measured(tmp_path, capsys):
     shown = ["characterise", "--virtual", "flexinol", "--loads", "0.5", "--average", "2"]
     kinds = ("lead_resistance", "load_cell", "lvdt", "training", "partial", "levels", "fatigue")
