@@ -21,6 +21,7 @@ MARGIN = 0.02  #: share of the full stroke that the working range keeps from whe
 #: a tenth more or less costs 0.2 to 0.8 % of the full stroke (flexinol's asymptotes, measured and foreign physics) or
 #: 1.3 % (whole_range, measured).
 ONE_LOAD = 0.1
+FEWEST = 5  #: samples in mid-stroke that a branch has, of all cycles of a log
 _SMOOTH = 3  #: samples either side that a local slope is taken over
 _FLAT = 0.4  #: share of the branch's slope below which it is called flat
 _CORE = (0.25, 0.75)  #: part of the stroke that is determinate beyond doubt
@@ -42,10 +43,11 @@ def determinate_interval_m(experiment: Experiment) -> tuple[float, float]:
     hot_m, cold_m = low_m, high_m
     for name, branch in (("heating", experiment.driven), ("cooling", ~experiment.driven)):
         inside = core & branch
-        if np.count_nonzero(inside) < 5:
+        if np.count_nonzero(inside) < FEWEST:
             raise IdentificationError(
-                f"{experiment.log.source}: the {name} branch has {np.count_nonzero(inside)} samples in mid-stroke; "
-                f"there is no {name} branch to fit"
+                f"{experiment.log.source}: the {name} branch has {np.count_nonzero(inside)} samples in mid-stroke, all "
+                f"cycles together; {FEWEST} are wanted to fit it: measure more cycles (`characterise --pulses`), or "
+                "read more often (loop.rate)"
             )
         slope = np.polyfit(resistance_Ohm[inside], displacement_m[inside], 1)[0]
         flat = branch & _is_flat(resistance_Ohm, displacement_m, slope)

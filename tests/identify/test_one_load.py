@@ -122,7 +122,8 @@ def test_a_log_that_is_judged_wrongly_is_named_and_left_out(logs):
     broken = BenchLog(columns, source="broken.csv")
     found = identify([*logs, broken], bench_mapping("flexinol"), "flexinol")
     (note,) = [n for n in found.notes if n.startswith("left out")]
-    assert "broken.csv" in note and "the cooling branch has 0 samples" in note
+    assert "broken.csv: the cooling branch has 0 samples in mid-stroke, all cycles together; 5 are wanted" in note
+    assert "measure more cycles (`characterise --pulses`)" in note, "it says what to do"
     assert not any("broken" in e.name for e in found.errors)
 
 
