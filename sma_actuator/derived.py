@@ -91,7 +91,10 @@ def derived(mapping: Mapping[str, Any]) -> dict[str, Derived]:
     def given(name: str, default: float = math.nan) -> float:
         section, _, key = name.partition(".")
         value = (mapping.get(section) or {}).get(key, default)  # a section may be empty
-        return float(value) if isinstance(value, int | float) else default
+        try:
+            return float(value) if isinstance(value, int | float) else default
+        except OverflowError:  # of more digits than a number can have: to be told with the others
+            return default
 
     def settle(name: str, value: float, why: str) -> float:
         out[name] = Derived(value, why)

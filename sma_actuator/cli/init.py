@@ -63,7 +63,7 @@ def _wants(acknowledgement: str) -> Callable[[Mapping[str, Any]], bool]:
     """Whether the supply of a mapping is opened only where this parameter is true."""
 
     def when(mapping: Mapping[str, Any]) -> bool:
-        supply = mapping.get("instruments", {}).get("supply", {})
+        supply = (mapping.get("instruments") or {}).get("supply") or {}
         return (
             "dialect" in supply
             and acknowledgement in abilities_of(Dialect.load(supply["dialect"], "supply"), watched=True).unsafe_states()
@@ -228,7 +228,7 @@ QUESTIONS = (
         "Load at zero volts of the load cell, as 0N?",
         "Usually near zero; `sma-actuator call tare_load` corrects it later.",
         "0.0",
-        lambda mapping: "slope" in mapping.get("load_cell", {}),
+        lambda mapping: "slope" in (mapping.get("load_cell") or {}),
     ),
     Question(
         "instruments.daq.lvdt_channel",

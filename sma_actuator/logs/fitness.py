@@ -79,6 +79,9 @@ def judge(logs: Sequence[BenchLog], length_m: float = math.nan) -> list[Finding]
     if not cycles:  # nothing else could be asked of such logs
         remedy = "switch the current on and off, so that the wire moves, and record that"
         return [*findings, Finding("the wire is heated and cools", "no cycle in any log", False, remedy)]
+    if not _stroke_m(logs) > 0.0:
+        remedy = "see whether the sensor is connected, and whether that is its column"
+        return [*findings, Finding("the displacement moves", "one value in every row", False, remedy)]
     requirements: tuple[Callable[[Sequence[BenchLog], Sequence[Seen]], Finding], ...] = (
         _rate,
         _measured,

@@ -185,6 +185,11 @@ def test_the_drifted_zero_of_an_unloaded_cell_is_no_pull_that_counts_as_negative
     assert finding.met is is_met
 
 
+def test_of_a_displacement_that_stands_still_nothing_else_is_asked(logs):
+    still = changed(logs, displacement_m=lambda log: np.full(len(log), 2e-3))
+    assert judge(still)[0].met and lacking(still) == ["the displacement moves"]
+
+
 def test_without_a_witness_nothing_else_is_asked(logs):
     alone = [
         dataclasses.replace(log, columns={k: v for k, v in log.columns.items() if k != "lvdt_current_A"})

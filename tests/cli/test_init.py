@@ -437,6 +437,22 @@ def test_limits_and_gains_that_were_derived_drive_the_wire(tmp_path):
         assert abs(away_m) < 0.03 * rig.config.wire.full_stroke_m
 
 
+@pytest.mark.parametrize(
+    ("written", "instead", "said"),
+    [
+        ("load_cell:\n      slope: 12.7297\n      offset: -0.0598", "load_cell:", "load_cell: None is not a section"),
+        ("max_current: 0.4", f"max_current: {10**400}", "supply.max_current"),
+    ],
+    ids=["an empty section", "more digits than a number has"],
+)
+def test_what_is_wrong_in_the_file_that_it_starts_from_is_told(tmp_path, capsys, written, instead, said):
+    text = shared_file("config/flexinol.yaml").read_text()
+    assert written in text
+    (start := tmp_path / "start.yaml").write_text(text.replace(written, instead).partition("    tables:")[0])
+    assert main(["init", "--start", str(start), "--out", str(tmp_path / "wire.yaml")]) == 1
+    assert said in capsys.readouterr().err
+
+
 def test_what_is_said_overrules_the_file_that_it_starts_from(tmp_path, capsys):
     out, elsewhere = tmp_path / "wire.yaml", "TCPIP::192.168.0.9::5025::SOCKET"
     words = ["init", "--start", str(shared_file("config/flexinol.yaml")), "--set", "thermal.ambient_temperature=24"]
