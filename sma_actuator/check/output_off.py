@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from sma_actuator.base.calibration import through
+from sma_actuator.base.parameters import to_mapping
 from sma_actuator.config import Config
-from sma_actuator.derived import not_survived
+from sma_actuator.derived import derived, not_survived
 from sma_actuator.instruments import InstrumentError
 
 from .found import Level, passed
@@ -73,6 +74,24 @@ def speed(probe: Probe) -> None:
     pace = probe.pace()
     if pace.too_slow:
         probe.end("speed", pace.sentence)
+
+
+def gains(probe: Probe) -> None:
+    """Are they those of a quicker loop, as where ``loop.rate`` was lowered in the file that ``init`` had written?"""
+    kp = getattr(probe.config.controller, "kp", None)
+    mapping = to_mapping(probe.config)
+    del mapping["controller"]
+    here = derived(mapping)
+    del mapping["loop"]
+    quick_A_m = derived(mapping)["controller.kp"].value  # at the rate that such a wire gets
+    here_A_m, here_A_m_s = (here[f"controller.{name}"].value for name in ("kp", "ki"))
+    if kp == quick_A_m > here_A_m:
+        probe.say(
+            "gains",
+            f"controller.kp, {kp:g} A/m, is that of a quicker loop: at {probe.config.loop.rate:g} Hz the wire hunts to "
+            f"and fro about its setpoint; write controller.kp: {here_A_m:g}, controller.ki: {here_A_m_s:g}",
+            Level.WARNING,
+        )
 
 
 def _block(probe: Probe) -> None:

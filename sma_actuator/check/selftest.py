@@ -13,7 +13,7 @@ from sma_actuator.instruments import Clock, Daq, InstrumentError, PowerSupply
 
 from .bias_current import at_bias, at_more, between, heat
 from .found import Found
-from .output_off import at_rest, displacement, identity, limits, speed
+from .output_off import at_rest, displacement, gains, identity, limits, speed
 from .probe import Ends, Probe
 from .watchdog import watchdog
 
@@ -52,6 +52,7 @@ class SelfTest:
                 displacement,
                 limits,
                 speed,
+                gains,
                 at_rest,
                 at_bias,
                 at_more,

@@ -252,6 +252,25 @@ def test_in_a_slow_loop_a_few_readings_of_the_sense_resistor_that_are_alike_woul
     assert 2.0 < said_s <= 8.0, "of 10 to 40 % by chance, once in a million million readings"
 
 
+def test_gains_of_a_quicker_loop_are_named_with_those_of_this_one():
+    """Where loop.rate is lowered in the file that init wrote, as `check` says, kp stays that of 20 Hz."""
+    stand = Stand(
+        lambda stand: stand.change(
+            loop__rate=2.5, safety__reading_timeout=3.0, supply__watchdog_timeout=1.0, controller__kp=400.0
+        )
+    )
+    (said,) = [each for each in stand.found if each.part == "gains"]
+    assert said.level is Level.WARNING
+    kp, ki = map(float, re.search("write controller.kp: (.*), controller.ki: (.*)", said.sentence).groups())
+    assert ki > 0.0 and kp < 300.0
+    chosen = Stand(
+        lambda stand: stand.change(
+            loop__rate=2.5, safety__reading_timeout=3.0, supply__watchdog_timeout=1.0, controller__kp=kp
+        )
+    )
+    assert "gains" not in [each.part for each in chosen.found]
+
+
 def test_without_a_load_the_sign_of_the_load_cell_is_not_told():
     stand = Stand(load_N=0.0)
     (said,) = [each for each in stand.found if each.part == "load cell"]
