@@ -227,11 +227,12 @@ def _settle_rate(time_constant_s: float, given: Any, settle: Any) -> float:
         f"{READINGS:g} readings in heat_capacity / heat_loss, {time_constant_s:.2g} s, at most {QUICKEST_Hz:g} a "
         "second: with fewer the loop may swing. `sma-actuator check` says whether the instruments are as quick",
     )
-    settle(
-        "loop.samples_per_block",
-        max(int(given("loop.sample_rate", usual.sample_rate) / rate_Hz), 1),
-        "as many as are sampled from one reading to the next",
-    )
+    if rate_Hz > 0.0:  # else to be told with the others
+        settle(
+            "loop.samples_per_block",
+            max(int(given("loop.sample_rate", usual.sample_rate) / rate_Hz), 1),
+            "as many as are sampled from one reading to the next",
+        )
     return time_constant_s * rate_Hz
 
 

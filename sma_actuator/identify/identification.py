@@ -175,6 +175,7 @@ def _ready(
     everything = (
         as_one_wire(logs, with_derived(mapping)) if fitter.any_size else make_experiments(logs, bench, fitter.remembers)
     )
+    _refuse_still(everything)
     _refuse_contraction(everything, bench.wire.strain_length_m, notes.append)
     everything = without_misjudged(everything, notes.append)
     reasons: dict[str, str] = {}
@@ -225,6 +226,16 @@ def foreign_loads_N(experiments: Sequence[Experiment], config: Config) -> tuple[
         return None
     low_Pa, high_Pa = stresses_inside_Pa(config.model.build(config.wire).stress_range_Pa)
     return low_Pa * config.wire.area_m2, high_Pa * config.wire.area_m2
+
+
+def _refuse_still(experiments: Sequence[Experiment]) -> None:
+    """Raise IdentificationError where no log shows that anything moves."""
+    if experiments and not any(_moved_m(t) > 0.0 for t in experiments):
+        names = ", ".join(dict.fromkeys(t.part_of or t.log.source for t in experiments))
+        raise IdentificationError(
+            f"{names}: the displacement does not move; see whether the sensor is connected, and whether that is its "
+            "column"
+        )
 
 
 def _refuse_contraction(experiments: Sequence[Experiment], length_m: float, say: Callable[[str], None]) -> None:

@@ -437,6 +437,14 @@ def test_limits_and_gains_that_were_derived_drive_the_wire(tmp_path):
         assert abs(away_m) < 0.03 * rig.config.wire.full_stroke_m
 
 
+def test_a_rate_of_nothing_for_a_quick_wire_is_told(tmp_path, capsys):
+    words = [word for name, answer in ANSWERS.items() for word in ("--set", f"{name}={answer}")]
+    start = tmp_path / "start.yaml"
+    start.write_text("sma_actuator: {ros__parameters: {thermal: {heat_capacity: 0.0005}, loop: {rate: 0.0}}}")
+    assert main(["init", "--start", str(start), *words, "--out", str(tmp_path / "bench.yaml")]) == 1
+    assert "loop.rate: 0 is outside its range" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("written", "instead", "said"),
     [

@@ -56,6 +56,16 @@ def test_identify_refuses_logs_that_count_contraction_and_says_how_to_turn_them(
         identify(flexinol.logs, mapping, model)
 
 
+@pytest.mark.parametrize("model", ("flexinol", "whole_range"))
+def test_identify_refuses_logs_in_which_nothing_moves(flexinol, model):
+    logs = [
+        dataclasses.replace(log, columns={**log.columns, "lvdt_current_A": np.full(len(log), 0.01)})
+        for log in flexinol.logs
+    ]
+    with pytest.raises(IdentificationError, match="the displacement does not move; see whether the sensor"):
+        identify(logs, flexinol.mapping, model)
+
+
 def test_the_command_that_asked_for_the_wrong_sign_is_told_the_right_option(flexinol, tmp_path, capsys):
     config = Config.load(shared_file("config/flexinol.yaml"))
     for log in flexinol.only("pulses"):
