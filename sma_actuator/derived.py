@@ -90,7 +90,8 @@ def derived(mapping: Mapping[str, Any]) -> dict[str, Derived]:
 
     def given(name: str, default: float = math.nan) -> float:
         section, _, key = name.partition(".")
-        value = (mapping.get(section) or {}).get(key, default)  # a section may be empty
+        there = mapping.get(section)  # which may be empty, or no section
+        value = there.get(key, default) if isinstance(there, Mapping) else default
         try:
             return float(value) if isinstance(value, int | float) else default
         except OverflowError:  # of more digits than a number can have: to be told with the others

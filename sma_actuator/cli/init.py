@@ -63,11 +63,8 @@ def _wants(acknowledgement: str) -> Callable[[Mapping[str, Any]], bool]:
     """Whether the supply of a mapping is opened only where this parameter is true."""
 
     def when(mapping: Mapping[str, Any]) -> bool:
-        supply = (mapping.get("instruments") or {}).get("supply") or {}
-        return (
-            "dialect" in supply
-            and acknowledgement in abilities_of(Dialect.load(supply["dialect"], "supply"), watched=True).unsafe_states()
-        )
+        dialect = _supply_dialect(mapping)
+        return dialect is not None and acknowledgement in abilities_of(dialect, watched=True).unsafe_states()
 
     return when
 
@@ -228,7 +225,7 @@ QUESTIONS = (
         "Load at zero volts of the load cell, as 0N?",
         "Usually near zero; `sma-actuator call tare_load` corrects it later.",
         "0.0",
-        lambda mapping: "slope" in (mapping.get("load_cell") or {}),
+        lambda mapping: _get(mapping, "load_cell.slope") is not None,
     ),
     Question(
         "instruments.daq.lvdt_channel",
@@ -407,12 +404,20 @@ def _get(mapping: Mapping[str, Any], name: str) -> Any:
     return place
 
 
+def _supply_dialect(mapping: Mapping[str, Any]) -> Dialect | None:
+    """That of the supply, where one is named.  Raises ConfigError where there is none of that name."""
+    name = _get(mapping, "instruments.supply.dialect")
+    return None if name is None else Dialect.load(str(name), "supply")
+
+
 def _put(mapping: dict[str, Any], name: str, value: Any) -> None:
     *sections, last = name.split(".")
     for section in sections:
         if mapping.get(section) is None:  # an empty one is there, with nothing in it
             mapping[section] = {}
         mapping = mapping[section]
+        if not isinstance(mapping, dict):
+            raise ConfigError(f"{name}: {section} holds {mapping!r}, where a section of parameters is wanted")
     mapping[last] = value
 
 
@@ -420,7 +425,9 @@ def _without_watchdog(mapping: dict[str, Any]) -> None:
     """Say in the parameters what a supply without a watchdog, or with a slow one, can hold."""
     if _get(mapping, "supply.watchdog_timeout") is not None:
         return
-    dialect = Dialect.load(_get(mapping, "instruments.supply.dialect"), "supply")
+    dialect = _supply_dialect(mapping)
+    if dialect is None:
+        return  # to be told with the others
     if "arm_watchdog" not in dialect.commands:
         _put(mapping, "supply.watchdog_timeout", 0.0)
     elif dialect.watchdog_range_s is not None:

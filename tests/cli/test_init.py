@@ -450,8 +450,10 @@ def test_a_rate_of_nothing_for_a_quick_wire_is_told(tmp_path, capsys):
     [
         ("load_cell:\n      slope: 12.7297\n      offset: -0.0598", "load_cell:", "load_cell: None is not a section"),
         ("max_current: 0.4", f"max_current: {10**400}", "supply.max_current"),
+        ("dialect: virtual_bench_supply", "dialect: 5.0", "5.0"),
+        ("branch_decision: heat_balance\n      thermal_time_constant: 5.0", "- none", "estimator holds ['none']"),
     ],
-    ids=["an empty section", "more digits than a number has"],
+    ids=["an empty section", "more digits than a number has", "a dialect that is a number", "a list for a section"],
 )
 def test_what_is_wrong_in_the_file_that_it_starts_from_is_told(tmp_path, capsys, written, instead, said):
     text = shared_file("config/flexinol.yaml").read_text()
