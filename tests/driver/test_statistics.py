@@ -56,7 +56,7 @@ def test_before_a_step_nothing_is_known_and_after_one_no_period():
 
 
 @pytest.mark.parametrize(
-    ("busy", "missed"), [(0.0, 0), (0.99, 0), (1.0, 1), (1.0 - 1e-10, 1), (1.5, 1), (2.0, 2), (7.9, 7)]
+    ("busy", "missed"), [(0.0, 0), (0.99, 0), (1.0, 1), (1.0 - 1e-10, 1), (1.5, 1), (2.0, 2), (7.4, 7)]
 )
 def test_deadlines_that_pass_while_a_step_is_busy_are_counted_and_skipped(busy, missed):
     """One that comes in the very moment, to within the noise of sums, has passed."""
@@ -67,6 +67,16 @@ def test_deadlines_that_pass_while_a_step_is_busy_are_counted_and_skipped(busy, 
     assert loop.step() == 1000.0 + (2 + missed) * PERIOD_s
     loop.step(busy_s=1.5 * PERIOD_s)
     assert loop.deadlines.overruns == missed + 1, "and they add up"
+
+
+@pytest.mark.parametrize(("busy", "left"), [(1.4, 0.6), (1.6, 1.4), (1.99, 1.01), (7.9, 1.1), (0.9, 0.1)])
+def test_after_a_step_that_took_too_long_its_current_stands_before_it_is_measured(busy, left):
+    """The bias that a late answer brings; a step that was in time has no such pause: its changes are small."""
+    loop = Loop()
+    loop.step()
+    loop.step(busy_s=busy * PERIOD_s)
+    assert loop.deadlines.next_s(lambda: 0.0) - loop.now_s == pytest.approx(left * PERIOD_s)
+    assert loop.deadlines.overruns == math.floor(busy)
 
 
 def test_a_clock_that_went_back_takes_no_overrun_away():
