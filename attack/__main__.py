@@ -2,7 +2,8 @@
 
 Without a name of an attack all of them are run, side by side, in pieces that are kept with their commit in
 attack/kept.json; with one, it alone, and kept only ``--into`` a file.  The page is of attack/kept.json, and is written
-whenever something is kept there, and by ``--show``; what is kept elsewhere does not touch it.
+whenever something is kept there, and by ``--show``; what is kept elsewhere does not touch it.  ``--again`` does once
+more what broke a promise on code that is older than today's.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from pathlib import Path
 from sma_actuator.bench.bench import VirtualBench
 
 from .heat import UNITS, table
-from .kept import ROOT, Kept, add_to
+from .kept import ROOT, Kept, Piece, add_to, tried_again
 from .kept import table as table_of_pieces
 from .lines import ALL
 from .result import Result, Violation
@@ -50,10 +51,12 @@ TITLES = {
 def main(arguments: Sequence[str] | None = None) -> int:
     """Attack; 0 where nothing was broken."""
     options = _options().parse_args(arguments)
-    into = options.into or (KEPT if options.what == "all" or options.show else None)
+    into = options.into or (KEPT if options.what == "all" or options.show or options.again else None)
     kept = Kept.read(into) if into else Kept()
     results = {} if into is None else kept.results()
-    if not options.show:
+    if options.again:
+        kept = _try_again(into, kept, options.minutes)
+    elif not options.show:
         work: list[tuple[str, tuple]] = []
         for name in TITLES if options.what == "all" else (options.what,):
             work += [(name, unit) for unit in _units(name, options, kept.next_seed.get(name, 0))]
@@ -77,6 +80,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(f"{title}: {done}; at {commit} on {on}{why_older and f', {why_older}'}")
         print(f"kept: {into}; written: {PAGE}" if into.resolve() == KEPT else f"kept: {into}")
     return 1 if whole.violations else 0
+
+
+def _try_again(into: Path, kept: Kept, minutes: float) -> Kept:
+    """Do once more what broke a promise on other code, one after the other; what is kept then."""
+    ends_s = time.monotonic() + 60.0 * minutes
+    for name, replay in kept.to_try_again():
+        if time.monotonic() > ends_s:
+            break
+        words = replay.removeprefix("python ").split()
+        ended = subprocess.run([sys.executable, *words], cwd=ROOT, stdout=subprocess.DEVNULL, check=False).returncode
+        print(f"{'held' if ended == 0 else 'broken'}: {replay}", file=sys.stderr, flush=True)
+        kept = tried_again(into, name, replay, ended == 0)
+        _write_page(into, kept)
+    return kept
 
 
 def _write_page(into: Path, kept: Kept) -> None:
@@ -162,7 +179,8 @@ An attacker does at random what instruments, operating systems and ROS 2 can do.
 [faults.md](faults.md), the parameter file and the virtual bench's true temperature, stress and current looks whether
 the promises hold; it asks nothing of the code under test. `make attack` runs all of it in pieces and writes this page,
 `python -m attack --help` says how to run one, and `tests/attack` is a short one with every test run. Every attack is
-seeded; what broke a promise is listed with the command that shows it again.
+seeded; what broke a promise is listed with the command that shows it again, and `python -m attack --again` does each
+of these once more on newer code.
 
 Lines, kills and fuzz run in real time: the longest that the machine stood still is taken off once, so on a busy one its
 other stalls are among what is listed here.
@@ -191,21 +209,21 @@ def page(kept: Kept) -> str:
     """docs/attack.md: what it is, which promises broke, the worst that was seen, and what was run."""
     results = kept.results()
     results = {name: results[name] for name in TITLES if name in results}
-    broken = sum(len(result.violations) for result in results.values())
+    violations = [violation for result in results.values() for violation in result.violations]
+    tried = [kept.again[v.replay] for v in violations if v.replay in kept.again]
+    held = f"; {sum(again.held for again in tried)} of {len(tried)} held when they were tried again" if tried else ""
     lines = [
         *INTRODUCTION.strip().splitlines(),
         "",
         "## Promises broken",
         "",
-        f"{broken} in all." if broken else "None.",
+        f"{len(violations)} in all{held}." if violations else "None.",
     ]
     for name, result in results.items():
         if result.violations:
             lines += ["", f"{TITLES[name]}:", ""]
             for commit, piece in kept.pieces[name].items():
-                lines += [
-                    _entry(f"{line} at {commit}") for line in piece.result.verdict().splitlines() if " × " in line
-                ]
+                lines += [_entry(line) for line in _broken(piece, commit, kept)]
     lines += ["", "## Worst seen", *WORST.splitlines(), "", "| attack | what | worst |", "|---|---|---|"]
     for name, result in results.items():
         if name != "heat":  # it has a table of its own
@@ -221,6 +239,20 @@ def page(kept: Kept) -> str:
     for *row, why_older in table_of_pieces(kept, TITLES):
         lines.append(f"| {' | '.join(row)} | {why_older.removeprefix('older than the code: ')} |")
     return "\n".join(lines) + "\n"
+
+
+def _broken(piece: Piece, commit: str, kept: Kept) -> Iterator[str]:
+    """What a piece broke, a line for each promise, and what came of it when that was tried again."""
+    by_rule: dict[str, list[Violation]] = {}
+    for violation in piece.result.violations:
+        by_rule.setdefault(violation.rule, []).append(violation)
+    for each in sorted(by_rule.values(), key=len, reverse=True):
+        tried = [again for v in each if (again := kept.again.get(v.replay)) is not None]
+        line = f"{len(each)} × {each[0]} at {commit}"
+        if tried:
+            held = sum(again.held for again in tried)
+            line += f"; tried again at {', '.join(sorted({t.commit for t in tried}))}: {held} of {len(tried)} held"
+        yield line
 
 
 def _worst(worst: dict[str, float]) -> list[tuple[str, float]]:
@@ -266,6 +298,9 @@ def _options() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--show", action="store_true", help="attack nothing; say what is kept, and what is older; write its page anew"
+    )
+    parser.add_argument(
+        "--again", action="store_true", help="attack nothing new; do once more what broke a promise on other code"
     )
     return parser
 

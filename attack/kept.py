@@ -7,12 +7,13 @@ that came later.
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import fcntl
 import json
 import subprocess
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -34,12 +35,22 @@ class Piece:
     result: Result = field(default_factory=Result)
 
 
+@dataclass(frozen=True, slots=True)
+class Again:
+    """What came of trying once more, on later code, what had broken a promise."""
+
+    commit: str
+    held: bool  #: nothing was broken
+
+
 @dataclass(slots=True)
 class Kept:
-    """Pieces by attack and commit, and the first seed of each attack that was not tried yet."""
+    """Pieces by attack and commit, the first seed of each attack that was not tried yet, and by the command that shows
+    a broken promise what it came to when it was last tried again."""
 
     pieces: dict[str, dict[str, Piece]] = field(default_factory=dict)
     next_seed: dict[str, int] = field(default_factory=dict)
+    again: dict[str, Again] = field(default_factory=dict)
 
     @classmethod
     def read(cls, path: Path) -> Kept:
@@ -51,7 +62,8 @@ class Kept:
             name: {commit: Piece(piece["on"], Result.from_mapping(piece)) for commit, piece in by_commit.items()}
             for name, by_commit in document["pieces"].items()
         }
-        return cls(pieces, document["next_seed"])
+        again = {replay: Again(**tried) for replay, tried in document.get("again", {}).items()}
+        return cls(pieces, document["next_seed"], again)
 
     def write(self, path: Path) -> None:
         """Put it into a file."""
@@ -59,7 +71,8 @@ class Kept:
             name: {commit: {"on": piece.on, **piece.result.to_mapping()} for commit, piece in by_commit.items()}
             for name, by_commit in self.pieces.items()
         }
-        document = {"next_seed": self.next_seed, "pieces": pieces}
+        again = {replay: asdict(tried) for replay, tried in self.again.items()}
+        document = {"next_seed": self.next_seed, "again": again, "pieces": pieces}
         path.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
 
     def add(self, name: str, part: Result, next_seed: int, commit: str, on: str) -> None:
@@ -77,16 +90,42 @@ class Kept:
                 whole[name].add(piece.result)
         return whole
 
+    def to_try_again(self, root: Path = ROOT) -> list[tuple[str, str]]:
+        """Attack, and the command of each promise that broke, where the code is another by now than the one that was
+        last tried; of commands that say nothing of which part, none: they would begin with another."""
+        out = {}
+        for name, by_commit in self.pieces.items():
+            for commit, piece in by_commit.items():
+                for violation in piece.result.violations:
+                    tried = self.again.get(violation.replay)
+                    if " --" in violation.replay and older(name, tried.commit if tried else commit, root):
+                        out[violation.replay] = name
+        return [(name, replay) for replay, name in out.items()]
+
 
 def add_to(path: Path, name: str, part: Result, next_seed: int) -> Kept:
     """Add a part to what a file keeps, also beside other runs that do; all that is kept then."""
+    with _changed(path) as kept:
+        kept.add(name, part, next_seed, commit_now(name), datetime.date.today().isoformat())
+    return kept
+
+
+def tried_again(path: Path, name: str, replay: str, held: bool) -> Kept:
+    """Keep in a file what a broken promise came to when it was tried again; all that is kept then."""
+    with _changed(path) as kept:
+        kept.again[replay] = Again(commit_now(name), held)
+    return kept
+
+
+@contextlib.contextmanager
+def _changed(path: Path) -> Iterator[Kept]:
+    """What a file keeps, to be changed, also beside other runs that do."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.with_name(path.name + ".lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         kept = Kept.read(path)
-        kept.add(name, part, next_seed, commit_now(name), datetime.date.today().isoformat())
+        yield kept
         kept.write(path)
-    return kept
 
 
 def commit_now(name: str, root: Path = ROOT) -> str:

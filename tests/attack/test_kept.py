@@ -136,3 +136,23 @@ def test_a_promise_that_broke_stands_with_the_commit_that_broke_it():
     kept.add("kills", Result(Counter(kills=1)), 2, "abcdef0123", "2026-01-02")
     entries = [line for line in attack.page(kept).splitlines() if line.startswith("- ")]
     assert entries == ["- 1 × late: by a second [python -m attack kills --seed 1] at 0123456789"]
+
+
+def test_what_broke_a_promise_is_done_again_and_the_page_says_what_held(tmp_path):
+    path = tmp_path / "kept.json"
+    kept = Kept()
+    mended, broken, unknown = (
+        Violation(rule, "0.1 A", f"python -c {what}")
+        for rule, what in (("a", "0 --only"), ("b", "1/0 --only"), ("c", "0"))
+    )
+    kept.add("kills", Result(Counter(kills=3), {}, [mended, broken, unknown]), 0, "0123456789", "2026-01-01")
+    kept.write(path)
+    assert attack.main(["--again", "--into", str(path)]) == 1
+    kept = Kept.read(path)
+    assert {replay: again.held for replay, again in kept.again.items()} == {mended.replay: True, broken.replay: False}
+    written = " ".join(attack.page(kept).split())
+    assert "3 in all; 1 of 2 held when they were tried again." in written
+    now = commit_now("kills")
+    assert f"[python -c 0 --only] at 0123456789; tried again at {now}: 1 of 1 held" in written
+    assert f"[python -c 1/0 --only] at 0123456789; tried again at {now}: 0 of 1 held" in written
+    assert "[python -c 0] at 0123456789 - " in written or "[python -c 0] at 0123456789 ##" in written
