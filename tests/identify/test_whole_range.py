@@ -19,12 +19,13 @@ from sma_actuator.diagnosis.trace import Evidence
 from sma_actuator.diagnosis.trace.rows import Rows
 from sma_actuator.diagnosis.trace.witnesses.residual import INTERVAL
 from sma_actuator.estimation.chain import Chain
-from sma_actuator.estimation.models.heat_content import APPARENT, at_usual_load, known_of, resistances_of
+from sma_actuator.estimation.models.heat_content import APPARENT, LATENT_K, at_usual_load, known_of, resistances_of
 from sma_actuator.estimation.models.surroundings import WITHIN
 from sma_actuator.identify import IdentificationError, identify
 from sma_actuator.identify.fitters.fitting import predict
 from sma_actuator.identify.fitters.whole_range import learner
 from sma_actuator.identify.fitters.whole_range.data import Data
+from sma_actuator.identify.fitters.whole_range.heat_balance import heat_balance
 from sma_actuator.identify.fitters.whole_range.learner import UNITS, Learner, learn, robust
 from sma_actuator.identify.fitters.whole_range.surroundings import expected
 from sma_actuator.logs.bench_log import signals_from_log
@@ -388,6 +389,22 @@ def test_logs_of_another_room_teach_how_much_a_kelvin_counts(flexinol):
     one, two = (identify(each, mapping, "whole_range").config.model.room_counts for each in (flexinol.logs, logs))
     assert two[1] < 0.5 * one[1]
     assert 0.5 < two[0] < 0.8 < one[0] < 1.0
+
+
+@pytest.mark.long
+def test_the_latent_heat_is_found_whatever_heat_capacity_it_begins_with(tmp_path):
+    """Also of a wire whose resistance hardly tells where it is, since its intermediate phase resists as martensite
+    does: all that does is its heat."""
+    wire = Characterised("flexinol", tmp_path, physics="drawn-412")
+    found_J = []
+    for times in (1.0, 0.93, 0.86):
+        heat_capacity = times * wire.mapping["thermal"]["heat_capacity"]
+        thermal = {**wire.mapping["thermal"], "heat_capacity": heat_capacity}
+        config = bench_from_mapping({**wire.mapping, "thermal": thermal})
+        data = Data(make_experiments(wire.logs, config), config)
+        known, _, _ = heat_balance(data, lambda share: None)
+        found_J.append(data.thermal_numbers(known)[LATENT_K] * heat_capacity)
+    assert max(found_J) < 1.06 * min(found_J)
 
 
 @pytest.mark.long

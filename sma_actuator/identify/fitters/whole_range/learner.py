@@ -30,8 +30,8 @@ def terms_of(z: np.ndarray) -> np.ndarray:
 class Learner:
     """The learned part: its weights as one vector (linear terms, hidden, bias, output), and its derivatives."""
 
-    def __init__(self, features: int, units: int, seed: int, smooth: float):
-        self.n, self.m = features, units
+    def __init__(self, features: int, seed: int, smooth: float, units: int | None = None):
+        self.n, self.m = features, units or UNITS
         self.lines = CURVE_TERMS + features - DIRECT
         self.cut = np.cumsum([self.lines, self.m * self.n, self.m])  #: between the parts of the weights
         rng = np.random.default_rng(seed)
@@ -95,7 +95,7 @@ class Team:
         units: int | None = None,
     ):
         z, target = z.astype(np.float32), target.astype(np.float32)
-        self.learners = [Learner(z.shape[1], units or UNITS, seed, smooth) for seed in range(1, learners + 1)]
+        self.learners = [Learner(z.shape[1], seed, smooth, units) for seed in range(1, learners + 1)]
         for learner in self.learners:
             learner.weights = learn(learner, z, target, iterations)
 
