@@ -333,10 +333,13 @@ def in_other_surroundings(load_N, warmer_K=0.0, loses=1.0):
 
 
 @pytest.mark.parametrize(
-    "around", [({"warmer_K": -10.0}, {"warmer_K": 10.0}), ({"loses": 0.8}, {"loses": 1.25})], ids=["rooms", "draughts"]
+    ("around", "at_most"),
+    [(({"warmer_K": -10.0}, {"warmer_K": 10.0}), 1.02), (({"loses": 0.8}, {"loses": 1.25}), 0.9)],
+    ids=["rooms", "draughts"],
 )
-def test_in_other_surroundings_it_learns_what_these_make_of_its_heat(whole, around):
-    """It errs by less than one that takes its heat balance as it is, and its intervals hold."""
+def test_in_other_surroundings_it_learns_what_these_make_of_its_heat(whole, around, at_most):
+    """In a draught it errs by less than one that takes its heat balance as it is, in another room, of which a right
+    heat balance has nothing to learn, by no more; and its intervals hold."""
     untaught = {name: [] for name in whole.mapping["model"] if name.startswith("expected_")}
     untaught |= {"expected_floor": 1.0, "room_counts": [1.0, 0.0]}
     plain = Config.from_mapping({**whole.mapping, "model": {**whole.mapping["model"], **untaught}})
@@ -350,8 +353,18 @@ def test_in_other_surroundings_it_learns_what_these_make_of_its_heat(whole, arou
         return np.abs(np.concatenate(errors_m)), np.concatenate([f.uncertainty_m for f in found])
 
     off_m, uncertainty_m = off(whole.config)
-    assert off_m.mean() < 0.9 * off(plain)[0].mean()
+    assert off_m.mean() < at_most * off(plain)[0].mean()
     assert (off_m <= uncertainty_m).mean() > 0.9
+
+
+def test_what_a_wire_was_before_its_first_sample_teaches_nothing_of_its_surroundings(whole):
+    """In a room 10 K warmer it has not cooled as it did where it was characterised: it learns once it has been hot."""
+    pulses, partial = (make_experiment(log, whole.config).signals for log in in_other_surroundings(0.9, warmer_K=10.0))
+    not_hot, hot = Chain(whole.config), Chain(whole.config)
+    not_hot.run(partial)
+    hot.run(pulses)
+    assert not_hot.loses == pytest.approx(1.0, abs=1e-9)
+    assert hot.loses != pytest.approx(1.0, abs=1e-6)
 
 
 def test_logs_of_another_room_are_learned_from_where_all_of_the_usual_one_are_left_out(flexinol):
@@ -387,8 +400,8 @@ def test_logs_of_another_room_teach_how_much_a_kelvin_counts(flexinol):
     mapping = {**flexinol.mapping, "thermal": {**thermal, **wrong}}
     logs = [*flexinol.logs, *in_other_surroundings(0.6, 10.0), *in_other_surroundings(1.2, -10.0)]
     one, two = (identify(each, mapping, "whole_range").config.model.room_counts for each in (flexinol.logs, logs))
-    assert two[1] < 0.5 * one[1]
-    assert 0.5 < two[0] < 0.8 < one[0] < 1.0
+    assert two[1] < 0.65 * one[1]  # two short logs: worth no more than eight readings
+    assert abs(two[0] - one[0] / 1.25) < two[1]
 
 
 @pytest.mark.long

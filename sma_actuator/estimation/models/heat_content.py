@@ -56,8 +56,9 @@ PLAYS_OF_RANGE = (0.03, 0.10, 0.25)  #: half-widths of the plays in resistance, 
 #: time constant (over C/h).
 KNOWN = np.array([1.0, 0.002, 3.0, 26.0, 24.0, 0.125, 0.07, 0.0, 1.0])
 #: Where each stands in the memory: time, heat content, resistance and X of the sample before, warmth of the near
-#: surroundings, the power it rested at before the first one (NaN: that one's own), then the plays.
-TIME_AT, HEAT_AT, RESISTANCE_AT, SHARE_AT, NEAR_AT, RESTED_AT, PLAYS_AT = range(7)
+#: surroundings, the power it rested at before the first one (NaN: that one's own), whether the widest play has come to
+#: its other end, so that what the wire was before the first sample is forgotten (1), then the plays.
+TIME_AT, HEAT_AT, RESISTANCE_AT, SHARE_AT, NEAR_AT, RESTED_AT, KNOWN_AT, PLAYS_AT = range(8)
 REMEMBERED = PLAYS_AT  #: numbers beside the plays
 NEAR = 7  #: where those of the near surroundings begin in KNOWN
 
@@ -103,6 +104,7 @@ def at_rest(
     state[HEAT_AT] = temperature - thermal[LATENT_K_Ohm] * resistance - thermal[LATENT_K] * share
     state[RESISTANCE_AT] = resistance
     state[SHARE_AT] = share
+    state[KNOWN_AT] = 0.0
     state[PLAYS_AT] = nan
 
 
@@ -160,6 +162,8 @@ def features(
             state[PLAYS_AT + k] = shifted + widths_K[k]
         state[PLAYS_AT + k] = min(max(state[PLAYS_AT + k], shifted - widths_K[k]), shifted + widths_K[k])
         out[DIRECT + k] = shifted - state[PLAYS_AT + k]
+        if k == count - 1 and state[PLAYS_AT + k] == shifted - widths_K[k]:
+            state[KNOWN_AT] = 1.0
     for k in range(len(widths_Ohm)):
         place = PLAYS_AT + count + k
         if first:

@@ -21,6 +21,7 @@ from . import orientation, surroundings
 from .heat_content import (
     APPARENT,
     DIRECT,
+    KNOWN_AT,
     RESTED_AT,
     SHARE_AT,
     TIME_AT,
@@ -305,7 +306,8 @@ def advance(
         _estimate(heating, unsure_K, n, out)
         share = share_of_stroke(out[0], stress, n.ends)
     state[SHARE_AT] = share
-    if step > 0.0 and len(n.expected_linear) > 0:
+    # What the wire was before its first sample is a guess: in another room a wrong one, and taken for a draught.
+    if state[KNOWN_AT] > 0.0 and step > 0.0 and len(n.expected_linear) > 0:
         _learn_of_surroundings(other_K, rise_K, off_K, step, share, heating, around, n, out)
     if remembers:
         _add_other_loads(share, stress, first, oriented, n, out)

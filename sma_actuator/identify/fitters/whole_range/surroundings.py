@@ -19,7 +19,7 @@ from .data import Data
 from .judged import PLACES, near_places
 from .learner import Team
 
-UNITS, ITERATIONS = 14, 60  #: of each learner, as of the one that the heat balance is fitted with
+UNITS, ITERATIONS = 14, 60  #: of each learner: with 32 it tells the same
 
 
 class Expected(NamedTuple):
