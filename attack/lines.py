@@ -14,6 +14,7 @@ from sma_actuator.config import Config, read_parameter_file
 from sma_actuator.driver import Driver, DriverStopped
 from sma_actuator.instruments import InstrumentError, open_instruments
 from sma_actuator.instruments.clock import MonotonicClock
+from sma_actuator.safety.guards.supply import SETTING_TOLERANCE_A
 
 from .hours import CONFIG, OFF_AT_MOST_s
 from .promises import Promises
@@ -178,9 +179,10 @@ class Line:
         if mischief in (*_ENDS_THE_TALK, *_ENDS_IT_TOO, _SLOW):
             self._must_go_off(mischief, began_s, self._talk_ends_within_s(role, mischief))
         elif mischief in _FORGETS:
+            kept_A = float(self.stand.tell_supply("CURR?"))
             self._driver.offer_setpoint(self._chance.choice((0.001, 0.003)))  # so that it is told something
             if mischief.kind == "forget":
-                self._must_fall_silent(began_s)
+                self._must_fall_silent(began_s, kept_A)
             else:
                 self._must_go_off(mischief, began_s, self.promises.within_s(_FORGETS[mischief]))
         elif mischief in _MEANS_OTHERWISE[role]:
@@ -209,9 +211,10 @@ class Line:
                 return within_lost_s + self.config.supply.watchdog_timeout
         return min(within_s, OFF_AT_MOST_s)
 
-    def _must_fall_silent(self, began_s: float) -> None:
-        """It answers and does not hear "off": the driver notices, asks in vain, and leaves it to its watchdog, which
-        counts from the last word.  What this machine stood still counts in the one part as in the other."""
+    def _must_fall_silent(self, began_s: float, kept_A: float) -> None:
+        """It answers and does not hear "off": the driver notices once it has told another current than the one that is
+        kept, asks in vain, and leaves it to its watchdog, which counts from the last word.  What this machine stood
+        still counts in the one part as in the other."""
         took_s = self.stand.off_within_s(began_s, 4.0)
         if math.isnan(took_s):
             self.broken("the current is not off in time", "not within 4 s")
@@ -223,7 +226,7 @@ class Line:
         # a read-back, and what asks whether it is off
         noticed_s = self.promises.within_s("second_commander") + 2.0 * timeout_s
         for what, from_s, to_s, within_s in (
-            ("the driver does not fall silent in time", began_s, last_s, noticed_s),
+            ("the driver does not fall silent in time", self._told_otherwise_s(began_s, kept_A), last_s, noticed_s),
             ("the watchdog does not cut in time", last_s, off_s, self.config.supply.watchdog_timeout),
         ):
             lasted_s = to_s - from_s - self.stand.stalled_s(from_s, to_s)
@@ -232,6 +235,13 @@ class Line:
             )
             if lasted_s > within_s + MEASURING_s:
                 self.broken(what, f"after {lasted_s:.2f} s; {within_s + MEASURING_s:.2f} s are promised")
+
+    def _told_otherwise_s(self, since_s: float, kept_A: float) -> float:
+        """When the driver first told another current than ``kept_A``: a wire that needs all of it for half a second
+        tells the same for as long, and nobody can know that it was not heard."""
+        told = (output for output in list(self.outputs) if output.signals.time_s >= since_s)
+        otherwise = (each for each in told if abs(each.command.current_A - kept_A) > SETTING_TOLERANCE_A)
+        return next((each.signals.time_s for each in otherwise), since_s)
 
     def _reboot(self) -> float:
         """A supply that comes back with its output on and no watchdog; when it can be reached again."""
