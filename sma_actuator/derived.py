@@ -336,7 +336,7 @@ def _shear(wire: Wire, value: float, unit: str) -> str:
 
 def without_derived(mapping: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
     """``mapping`` without what follows from the rest of it, and the names of that: nobody gave it, so what is measured
-    may take its place.  How often the wire is read stays: the logs are read so, by instruments that can.
+    may take its place.  How often the wire is read stays, and how old a reading may be: so its instruments can.
 
     Raises ConfigError where the wire is not known.
     """
@@ -344,7 +344,8 @@ def without_derived(mapping: Mapping[str, Any]) -> tuple[dict[str, Any], list[st
     names = []
     for name, found in derived(mapping).items():
         section, _, key = name.partition(".")
-        if section != "loop" and not _lacks(out, name) and out.get(section, {}).get(key) == found.value:
+        of_instruments = section == "loop" or name == "safety.reading_timeout"
+        if not of_instruments and not _lacks(out, name) and out.get(section, {}).get(key) == found.value:
             del out[section][key]
             names.append(name)
     return out, names

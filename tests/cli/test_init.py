@@ -412,6 +412,18 @@ def test_how_often_a_wire_is_read_stays_when_what_was_derived_gives_way(loop):
     bench_from_mapping(with_derived(left) | {"instruments": {}})
 
 
+def test_how_old_a_reading_may_be_stays_too():
+    """`check` says it of slow instruments, and `identify` ended at a file that had just what follows from them."""
+    mapping = {
+        "wire": {"alloy": "ni-ti-cu", "length": 0.06, "diameter": 0.2e-3},
+        "loop": {"rate": 3.5, "samples_per_block": 1},
+        "instruments": {"daq": {"timeout": 0.35}},
+    }
+    mapping["safety"] = {"reading_timeout": derived(mapping)["safety.reading_timeout"].value}
+    left, _ = without_derived(mapping)
+    assert bench_from_mapping(with_derived(left)).safety.reading_timeout == 0.84
+
+
 def test_a_wire_that_is_no_quicker_than_usual_is_read_as_usual():
     assert not [
         name for name in derived({"wire": {"alloy": "ni-ti", "length": 0.1, "diameter": 0.1e-3}}) if "loop" in name
