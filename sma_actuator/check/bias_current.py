@@ -24,6 +24,8 @@ MORE_CURRENT = 2.0  #: times the bias, for a moment, to tell a zero error from a
 CURRENT_SHARE, VOLTAGE_SHARE = 0.1, 0.05
 #: The wire may differ from its calibration by this share.
 CALIBRATION_SHARE = 0.03
+#: Leads that nobody has measured yet have so much at the most.
+LEADS_Ohm = 0.5
 #: At which most wires have contracted: measured Flexinol by nine tenths at 97 (50 MPa) to 114 °C (200 MPa).
 CONTRACTED_C = 115.0
 #: Above the bias [A]: so close and so far that steps of 5 mA and more lie SETTING_TOLERANCE_A away from one at least.
@@ -159,7 +161,15 @@ def _resistance(probe: Probe, supply_V: float, reference_V: float) -> float:
     )
     if resistance_Ohm < config.safety.resistance_min or resistance_Ohm < 0.5 * low_Ohm:
         probe.end("resistance", f"{resistance_Ohm:.3g} Ω: something bridges the wire; {of_wire}")
-    if not low_Ohm <= resistance_Ohm <= high_Ohm:
+    more_Ohm, are_measured = resistance_Ohm - high_Ohm, config.circuit.lead_resistance > 0.0
+    if not are_measured and not math.isfinite(probe.cold_Ohm) and 0.0 < more_Ohm <= LEADS_Ohm:
+        probe.say(
+            "leads",
+            f"{resistance_Ohm:.4g} Ω with leads whose resistance is not measured yet, of which {more_Ohm:.3g} Ω or "
+            f"more are theirs: {of_wire}; `sma-actuator characterise` measures them",
+            Level.WARNING,
+        )
+    elif not low_Ohm <= resistance_Ohm <= high_Ohm:
         probe.wrong(
             "resistance",
             f"{resistance_Ohm:.4g} Ω, and {of_wire}: is wire.length that between the crimps, wire.diameter that of "

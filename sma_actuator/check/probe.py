@@ -21,7 +21,7 @@ BLOCKS = 20  #: read for each mean
 STEPS = 10  #: of the loop, of which the median says what the instruments take
 #: Resistivity that a wire of each alloy may have, cold or hot [Ω·m].
 RESISTIVITY_Ohm_m = {"ni-ti": (0.65e-6, 1.15e-6), "ni-ti-cu": (0.45e-6, 1.15e-6)}
-_ROUNDING_s = 1e-6  #: a clock that goes by steps may stand so much before what was waited for
+_ROUNDING_s = 1e-3  #: a clock that goes by steps may stand half of one before what was waited for
 #: Channels, as a person calls them.
 WORDS = {
     "time_s": "time",

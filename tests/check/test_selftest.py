@@ -8,11 +8,13 @@ from dataclasses import replace
 
 import pytest
 
+from sma_actuator.base.calibration import Calibration
 from sma_actuator.base.share import shared_file
 from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualClock, Weight
 from sma_actuator.bench.bench import Setup, VirtualBench
 from sma_actuator.check import SelfTest, passed
 from sma_actuator.check.found import Level
+from sma_actuator.check.probe import Probe
 from sma_actuator.cli.main import main
 from sma_actuator.config import Config, read_parameter_file, write_parameter_file
 from sma_actuator.instruments import InstrumentLost
@@ -269,6 +271,44 @@ def test_gains_of_a_quicker_loop_are_named_with_those_of_this_one():
         )
     )
     assert "gains" not in [each.part for each in chosen.found]
+
+
+def test_leads_that_nobody_has_measured_may_have_some_resistance():
+    """60 mm of 0.2 mm Ni-Ti-Cu have 2.1 Ohm: with 0.31 Ohm of leads `check` called a new bench wrong, and
+    `characterise`, which measures leads, did not begin."""
+
+    def new(stand, leads_Ohm):
+        stand.chain(lead_resistance_Ohm=leads_Ohm)
+        stand.change(circuit__lead_resistance=0.0)
+        stand.config = replace(stand.config, calibration=Calibration())
+
+    stand = Stand(lambda stand: new(stand, 0.31), wire="furukawa")
+    assert passed(stand.found), stand.wrong
+    (said,) = [each for each in stand.found if each.part == "leads"]
+    assert said.level is Level.WARNING and "not measured yet" in said.sentence
+    too_long = Stand(lambda stand: new(stand, 0.7), wire="furukawa")
+    assert "is wire.length that between the crimps" in too_long.wrong[0]
+
+
+class CountedClock(VirtualClock):
+    """Time of a bench, of somebody who does not wait for ever."""
+
+    sleeps = 0
+
+    def sleep_until_s(self, deadline_s):
+        self.sleeps += 1
+        assert self.sleeps < 100
+        super().sleep_until_s(deadline_s)
+
+
+@pytest.mark.parametrize("rate_Hz", [3.5, 7.0, 20.0])
+def test_a_wait_ends_where_a_period_is_no_whole_number_of_the_clocks_steps(rate_Hz):
+    stand = Stand(lambda stand: stand.change(safety__reading_timeout=2.0, loop__rate=rate_Hz))
+    clock = CountedClock(stand.bench)
+    began_s = clock.now_s()
+    supply, daq = InProcessSupply(stand.bench, stand.config), InProcessDaq(stand.bench, stand.config)
+    Probe(stand.config, supply, daq, clock).wait(2.0 / rate_Hz)
+    assert clock.now_s() - began_s == pytest.approx(2.0 / rate_Hz, abs=1e-3)
 
 
 def test_without_a_load_the_sign_of_the_load_cell_is_not_told():
