@@ -256,11 +256,26 @@ def look_up(cls: type, name: str, prefix: str = "") -> tuple[Declaration, str]:
     field = fields[head]
     if "parameter" in field.metadata and not rest:
         return declaration_of(field), str(field.type)
+    if "variants" in field.metadata and rest:
+        return _look_up_typed(field, rest, f"{prefix}{head}.")
     if "section" in field.metadata and rest:
-        typed = "variants" in field.metadata
-        inside: Any = field.metadata["variants"]()[field.metadata["type"]] if typed else field.default_factory
+        inside: Any = field.default_factory
         return look_up(inside, rest, f"{prefix}{head}.")
     raise ConfigError(f"{prefix}{name}: is no parameter")
+
+
+def _look_up_typed(field: dataclasses.Field[Any], name: str, prefix: str) -> tuple[Declaration, str]:
+    """As :func:`look_up`, in a section whose type decides what it holds: of its usual type first, then of any."""
+    variants, usual = field.metadata["variants"](), field.metadata["type"]
+    if name == "type":
+        return dataclasses.replace(type_declaration(field), choices=tuple(variants)), "str"
+    errors = []
+    for each in sorted(variants, key=lambda variant: variant != usual):
+        try:
+            return look_up(variants[each], name, prefix)
+        except ConfigError as error:
+            errors.append(error)
+    raise errors[0]
 
 
 def from_mapping(cls: type, mapping: Mapping[str, Any], prefix: str = "") -> tuple[Any, list[str]]:

@@ -16,8 +16,8 @@ from rich.console import Console
 from rich.table import Table
 
 from sma_actuator.base.parameter_file import read_parameter_file
-from sma_actuator.base.parameters import ConfigError, check, from_mapping, look_up
-from sma_actuator.base.sections import Loop
+from sma_actuator.base.parameters import ConfigError, check, from_mapping, look_up, refuse
+from sma_actuator.base.sections import Loop, Wire
 from sma_actuator.base.yaml_text import parse_yaml
 from sma_actuator.config import (
     BenchConfig,
@@ -37,9 +37,11 @@ from sma_actuator.console import (
     write_json,
 )
 from sma_actuator.console.asking import Asking, read_answers
-from sma_actuator.derived import derived
+from sma_actuator.derived import LARGEST_RESISTIVITY_Ohm_m, derived
+from sma_actuator.estimation.circuit import Circuit
 from sma_actuator.instruments.dialect import FOLDER, Dialect
 from sma_actuator.instruments.scpi import abilities_of
+from sma_actuator.instruments.session import no_resource
 from sma_actuator.logs.units import quantity
 
 
@@ -139,6 +141,7 @@ QUESTIONS = (
         "instruments.supply.dialect",
         f"Language of the power supply: {_dialects('supply')}, or the path of a file?",
         "The commands of its family. Another family is a short file of your own, no code: docs/dialects.md.",
+        when=lambda mapping: not _get(mapping, "instruments.supply.pymeasure_class"),
     ),
     Question(
         "instruments.supply.channel",
@@ -188,6 +191,7 @@ QUESTIONS = (
         "instruments.daq.dialect",
         f"Language of the data acquisition: {_dialects('daq')}, or the path of a file?",
         "The commands of its family. Another family is a short file of your own, no code: docs/dialects.md.",
+        when=lambda mapping: not _get(mapping, "instruments.daq.package"),
     ),
     Question(
         "instruments.daq.supply_voltage_channel",
@@ -285,6 +289,7 @@ def run(args: argparse.Namespace) -> int:
     _without_watchdog(mapping)
     comments = dict.fromkeys(given, "given")
     found = derived(mapping)
+    _refuse_voltage(mapping, found["supply.max_voltage"].value)
     for name, each in found.items():
         if _get(mapping, name) is None:
             _put(mapping, name, each.value)
@@ -320,7 +325,7 @@ def _asked(mapping: dict[str, Any], answers: Mapping[str, Any], start: Path | No
             continue
         stands = _get(mapping, question.name)
         if stands is not None and answers.get(question.name) not in (None, "", []):
-            _put(mapping, question.name, value := _answer(question, asking))
+            _put(mapping, question.name, value := _answer(question, asking, mapping))
             if value != stands:
                 changed.add(question.name)
                 console.print(f"{question.name}: {value}, instead of the {stands} of {start}")
@@ -328,7 +333,7 @@ def _asked(mapping: dict[str, Any], answers: Mapping[str, Any], start: Path | No
             if not told and not asking.answered(question.name):
                 asking.say("numbers may have a unit: 100mm, 0.15 mm, 400mA; a lone ? explains the question")
                 told = True
-            answer = _answer(question, asking)
+            answer = _answer(question, asking, mapping)
             if answer is not None:
                 _put(mapping, question.name, answer)
                 asked.add(question.name)
@@ -346,7 +351,7 @@ def _answers(args: argparse.Namespace) -> dict[str, Any]:
     return answers
 
 
-def _answer(question: Question, asking: Asking) -> Any:
+def _answer(question: Question, asking: Asking, mapping: Mapping[str, Any]) -> Any:
     """A value that will do; asked again where a person's will not.  None: left open."""
     while True:
         from_file = asking.answered(question.name)
@@ -363,15 +368,43 @@ def _answer(question: Question, asking: Asking) -> Any:
             text = question.default
         try:
             value = _value(question.name, text)
+            _refuse_no_resource(question.name, value, mapping)
             if isinstance(value, float) and not from_file:
                 asking.say(f"  {_with_unit(question.name, value)}")
-            if question.name.endswith(".resource") and "::" not in str(value) and not from_file:
-                asking.say(f"  '{value}' is taken, though addresses have '::' in them; `sma-actuator check` tries it")
             return value
         except ConfigError as error:
             if from_file:
                 raise
             asking.say(str(error))
+
+
+def _refuse_no_resource(name: str, value: Any, mapping: Mapping[str, Any]) -> None:
+    """Raise ConfigError for an address that no instrument has, unless it is one of a maker's package, which has names
+    of its own."""
+    if name == "instruments.supply.resource" or (
+        name == "instruments.daq.resource" and not _get(mapping, "instruments.daq.package")
+    ):
+        problem = no_resource(name, value)
+        refuse([problem] if problem else [], "")
+
+
+def _refuse_voltage(mapping: Mapping[str, Any], wanted_V: float) -> None:
+    """Raise ConfigError where nobody gave a voltage and no supply has what the circuit wants: it names the larger
+    resistance."""
+    declaration, _ = look_up(BenchConfig, "supply.max_voltage")
+    if _get(mapping, "supply.max_voltage") is not None or wanted_V <= declaration.hi:
+        return
+    wire, _ = from_mapping(Wire, mapping["wire"], "wire.")
+    circuit, _ = from_mapping(Circuit, mapping.get("circuit") or {}, "circuit.")
+    wire_Ohm = wire.resistance_Ohm(LARGEST_RESISTIVITY_Ohm_m)
+    sense_Ohm = circuit.reference_resistance if circuit is not None else 0.0
+    wants = f"want {wanted_V:g} V, and supply.max_voltage is {declaration.hi:g} V at the most"
+    if sense_Ohm > wire_Ohm:
+        raise ConfigError(
+            f"circuit.reference_resistance: {sense_Ohm:g} Ω and a wire of {wire_Ohm:.3g} Ω {wants}; a sense resistor "
+            "of a fifth of the wire's resistance or less is usual"
+        )
+    raise ConfigError(f"wire.length, wire.diameter: a wire of {wire_Ohm:.3g} Ω and its sense resistor {wants}")
 
 
 def _value(name: str, text: Any) -> Any:

@@ -23,6 +23,7 @@ import contextlib
 import errno
 import logging
 import math
+import re
 import socket
 import threading
 import time
@@ -44,6 +45,10 @@ T = TypeVar("T")
 
 #: Where Linux shows serial lines of USB, below /dev.
 _SERIAL_PORTS = ("serial/by-id/*", "ttyUSB*", "ttyACM*")
+#: How a resource is written, in a sentence; and what somebody means who writes a host alone, or one with a port.
+_RESOURCES = "TCPIP::192.168.0.5::5025::SOCKET or ASRL/dev/ttyUSB0::INSTR (docs/dialects.md)"
+_HOST = re.compile(r"([A-Za-z0-9][\w.-]*)(?::(\d{1,5}))?", re.ASCII)
+_USUAL_PORT = 5025  #: for programs; Rigol's is 5555
 #: How long is waited for an identity behind lines that are none: of an instrument that answers commands.
 _LATE_s = 0.3
 #: How long opening may take with all its lines together, in multiples of the time for one answer: a slow instrument
@@ -551,10 +556,7 @@ class Session:
 def _why_not_opened(error: Exception, is_serial: bool) -> str:
     """What may be so where an instrument cannot be connected to; pyserial's errors are the system's own."""
     if isinstance(error, pyvisa.rname.InvalidResourceName):
-        return (
-            "cannot be opened: that is no VISA resource, as TCPIP::192.168.0.5::5025::SOCKET or "
-            "ASRL/dev/ttyUSB0::INSTR (docs/dialects.md)"
-        )
+        return f"cannot be opened: that is no VISA resource, as {_RESOURCES}"
     if is_serial and isinstance(error, OSError) and error.errno == errno.EACCES:
         return (
             "this user may not open it; put yourself into the group of the device, as with "
@@ -567,6 +569,21 @@ def _why_not_opened(error: Exception, is_serial: bool) -> str:
             "but for that in /dev/serial/by-id"
         )
     return f"cannot be opened ({error}); is it switched on, and is the address right?"
+
+
+def no_resource(name: str, text: str) -> str:
+    """Why the parameter of this name is no VISA resource, and what is meant perhaps; empty where it is one."""
+    try:
+        pyvisa.rname.ResourceName.from_string(text)
+    except pyvisa.rname.InvalidResourceName:
+        wanted = _RESOURCES
+        if text.startswith("/dev/"):
+            wanted = f"ASRL{text}::INSTR"
+        elif host := _HOST.fullmatch(text):
+            wanted = f"TCPIP::{host[1]}::{host[2] or _USUAL_PORT}::SOCKET"
+            wanted += "" if host[2] else ", with the port that its manual has,"
+        return f"{name}: '{text}' is no VISA resource; {wanted} is wanted"
+    return ""
 
 
 def _canonical(resource: str) -> str:

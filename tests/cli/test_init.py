@@ -517,3 +517,48 @@ def test_what_a_file_leaves_out_counts_as_what_its_section_has_by_default():
     written = {name: defaults[name] for name in ("ambient_temperature", "derate_temperature", "max_temperature")}
     spelled_out = derived({"wire": wire, "thermal": written, "supply": {"watchdog_timeout": 1.0}})
     assert derived({"wire": wire}) == spelled_out
+
+
+@pytest.mark.parametrize(
+    ("said", "wanted"),
+    [
+        ("192.168.1.5", "TCPIP::192.168.1.5::5025::SOCKET, with the port that its manual has, is wanted"),
+        ("192.168.1.5:5555", "TCPIP::192.168.1.5::5555::SOCKET is wanted"),
+        ("/dev/ttyUSB0", "ASRL/dev/ttyUSB0::INSTR is wanted"),
+        ("the supply", "TCPIP::192.168.0.5::5025::SOCKET or ASRL/dev/ttyUSB0::INSTR (docs/dialects.md) is wanted"),
+    ],
+)
+@pytest.mark.parametrize("instrument", ["supply", "daq"])
+def test_an_address_that_is_no_resource_is_refused_with_what_it_is_as_one(tmp_path, said, wanted, instrument):
+    name, out = f"instruments.{instrument}.resource", tmp_path / "bench.yaml"
+    words = [word for key, value in (ANSWERS | {name: said}).items() for word in ("--set", f"{key}={value}")]
+    done = asked("", *words, "--out", out)
+    assert f"{name}: '{said}' is no VISA resource; {wanted}" in done.stderr and done.returncode == 1
+    assert not out.exists()
+
+
+def test_a_device_of_a_makers_package_has_a_name_of_its_own(tmp_path):
+    answers = {name: value for name, value in ANSWERS.items() if name != "instruments.daq.dialect"}
+    answers |= {"instruments.daq.package": "nidaqmx", "instruments.daq.resource": "Dev1"}
+    words = [word for key, value in answers.items() for word in ("--set", f"{key}={value}")]
+    assert main(["init", *words, "--out", str(tmp_path / "bench.yaml")]) == 0
+
+
+def test_more_volts_than_there_are_are_blamed_on_the_resistance_that_wants_them(tmp_path):
+    words = [word for key, value in ANSWERS.items() for word in ("--set", f"{key}={value}")]
+    out = ("--out", tmp_path / "bench.yaml")
+    done = asked("", *words, "--set", "circuit.reference_resistance=1kohm", *out)
+    assert "init: circuit.reference_resistance: 1000 Ω and a wire of 5.48 Ω want" in done.stderr
+    assert "a fifth of the wire's resistance or less" in done.stderr
+    done = asked("", *words, "--set", "wire.length=3m", *out)
+    assert "init: wire.length, wire.diameter: a wire of 164 Ω and its sense resistor want" in done.stderr
+
+
+def test_a_control_law_and_its_own_parameters_may_be_asked_for(tmp_path):
+    words = [word for key, value in ANSWERS.items() for word in ("--set", f"{key}={value}")]
+    out = tmp_path / "bench.yaml"
+    law = ("--set", "controller.type=feed_forward_pid", "--set", "controller.feed_forward=0.5")
+    assert main(["init", *words, *law, "--out", str(out)]) == 0
+    assert read_parameter_file(out)["controller"]["feed_forward"] == 0.5
+    done = asked("", *words, "--set", "controller.type=quick", "--out", tmp_path / "other.yaml")
+    assert "controller.type: 'quick' is not one of" in done.stderr and "feed_forward_pid" in done.stderr
