@@ -18,6 +18,7 @@ from test_node import _enabled
 from sma_actuator.base.local_stop import StopListener
 from sma_actuator.base.signals import Mode, Status
 from sma_actuator.cli.main import main
+from sma_actuator.cli.remote.move import Standing
 from sma_actuator.cli.remote.status import shown
 from sma_actuator.cli.remote.watch import after
 
@@ -82,6 +83,14 @@ def _enable(capsys):
 def test_what_comes_next_is_what_the_node_would_do(fault, lifecycle, words):
     """A node that waits for its instruments enables nothing, and one whose instrument is back wants no clearing."""
     assert after(None, Status(Mode.OFF, fault, values={"lifecycle": lifecycle})) == words
+
+
+@pytest.mark.parametrize(("rate_Hz", "there_s"), [(20.0, 0.5), (3.5, 3.0 / 3.5)])
+def test_a_wire_that_goes_by_between_two_readings_is_not_there(rate_Hz, there_s):
+    """At 3.5 Hz `move 0.5mm` said "there; held there" at 0.43 mm, after two readings within 0.05 mm."""
+    standing, looks_s = Standing(), [0.05 * number for number in range(40)]
+    there = [standing.seen((int(now_s * rate_Hz + 1e-9), 0), now_s) for now_s in looks_s]
+    assert looks_s[there.index(True)] == pytest.approx(there_s, abs=0.051)
 
 
 def test_a_wire_is_moved_watched_and_stopped(bench, capsys):

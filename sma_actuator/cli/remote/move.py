@@ -18,7 +18,7 @@ from .client import NodeClient, add_node_arguments, connected
 from .watch import after, is_joint, line, listen_to_motion
 
 SETPOINT_PERIOD_s = 0.05
-THERE_s = 0.5  #: within the tolerance for so long, it is there
+THERE_s, THERE_READINGS = 0.5, 4  #: within the tolerance for so long and in so many readings, it is there
 ENDED_s = 3.0  #: for the node to say that it holds the wire
 LINE_s = 1.0
 FURTHEST_m = 0.5  #: no wire moves so far: who asks for it means millimetres
@@ -189,14 +189,27 @@ def _in(given: Place, unit: str, wanted: str) -> float:
     return given.value
 
 
+class Standing:
+    """What was seen near a place: two readings of a slow loop are half a second, and a wire that goes by."""
+
+    def __init__(self) -> None:
+        self._since_s = math.inf
+        self._stamps: set[tuple[int, int]] = set()
+
+    def seen(self, stamp: tuple[int, int], now_s: float) -> bool:
+        """A reading of this stamp, which may be one that was seen; whether it is there by now."""
+        self._since_s = min(self._since_s, now_s)
+        self._stamps.add(stamp)
+        return now_s - self._since_s >= THERE_s and len(self._stamps) >= THERE_READINGS
+
+
 def _send(client: NodeClient, motion: _Motion, args) -> float:
     """Send it until the estimate has been near it for a while; the time that took.
 
     Raises UserError where it does not come there, as soon as it is at the end before it.
     """
     start_s = time.monotonic()
-    near_since_s: float | None = None
-    next_line_s = start_s
+    standing, next_line_s = Standing(), start_s
     while (now_s := time.monotonic()) - start_s <= args.within:
         client.publish(motion.topic, motion.message)
         client.spin(SETPOINT_PERIOD_s)
@@ -208,13 +221,11 @@ def _send(client: NodeClient, motion: _Motion, args) -> float:
         short_m, long_m = _reach_m(status)
         aim = min(max(motion.asked, short_m), long_m) if beyond else motion.asked
         if state is None or not abs(state.position[0] - aim) <= motion.near:
-            near_since_s = None
-        else:
-            near_since_s = now_s if near_since_s is None else near_since_s
-            if now_s - near_since_s >= THERE_s and abs(aim - motion.asked) > motion.near:
+            standing = Standing()
+        elif standing.seen((state.header.stamp.sec, state.header.stamp.nanosec), now_s):
+            if abs(aim - motion.asked) > motion.near:
                 raise UserError(f"{client.full_name}: it is at the end of its way; {beyond}; {line(client)}")
-            if now_s - near_since_s >= THERE_s:
-                return now_s - start_s
+            return now_s - start_s
         if now_s >= next_line_s and not args.quiet:
             print(line(client), flush=True)
             next_line_s += LINE_s
