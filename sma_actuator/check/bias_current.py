@@ -157,7 +157,7 @@ def _resistance(probe: Probe, supply_V: float, reference_V: float) -> float:
     wire = config.wire
     of_wire = (
         f"{wire.length * 1e3:g} mm of {wire.diameter * 1e6:g} µm {wire.alloy} have {low_Ohm:.3g} to "
-        f"{high_Ohm:.3g} Ω (ρL/A)"
+        f"{high_Ohm:.3g} Ω (ρL/A, contracted to extended)"
     )
     if resistance_Ohm < config.safety.resistance_min or resistance_Ohm < 0.5 * low_Ohm:
         probe.end("resistance", f"{resistance_Ohm:.3g} Ω: something bridges the wire; {of_wire}")

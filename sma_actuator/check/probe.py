@@ -135,7 +135,8 @@ class Probe:
         return Pace.of(times_s, self.config)
 
     def expected_Ohm(self) -> tuple[float, float]:
-        """The least and the most that a wire of this size and alloy has, cold or hot."""
+        """The least and the most that a wire of this size and alloy has, hot and contracted, cold and extended: then it
+        is longer and thinner."""
         wire = self.config.wire
         low, high = RESISTIVITY_Ohm_m[wire.alloy]
-        return wire.resistance_Ohm(low), wire.resistance_Ohm(high)
+        return wire.resistance_Ohm(low), (1.0 + 2.0 * wire.full_stroke_strain) * wire.resistance_Ohm(high)
