@@ -73,8 +73,11 @@ class Wanted:
         turns = self._turns
         if (change < 0.0) != self._heats:
             self._heats = not self._heats
-            turns.append(share - change)
-            del turns[:-TURNS]
+            if len(turns) > 1 and abs(share - change - turns[-1]) < TURN:  # noise of the setpoint, and no way
+                turns.pop()
+            else:
+                turns.append(share - change)
+                del turns[:-TURNS]
         while len(turns) > 2 and (share <= turns[-2] if self._heats else share >= turns[-2]):
             before_C = self.temperature_C(share, 0.0)
             del turns[-2:]

@@ -172,6 +172,32 @@ def test_where_a_loop_closes_the_temperature_wanted_does_not_jump(config):
     assert np.max(np.abs(np.diff(wanted_C[closes - 20 : closes + 20]))) < 0.5
 
 
+@pytest.mark.parametrize("noise", [1e-5, 3e-5])
+def test_the_noise_of_a_setpoint_is_no_way_back(config, noise):
+    """A setpoint that is reckoned anew each time differs in its last digits; each was a turn, that wanted 5 K more."""
+    quiet, noisy = Wanted(config), Wanted(config)
+    rng = np.random.default_rng(1)
+    shares = np.concatenate((np.linspace(0.9, 0.3, 100), np.linspace(0.3, 0.6, 50), np.full(100, 0.6)))
+    for share in shares:
+        quiet.move(float(share))
+        said = float(share + noise * rng.standard_normal())
+        noisy.move(said)
+        at_C, noisy_C = quiet.temperature_C(float(share), 0.0), noisy.temperature_C(said, 0.0)
+        assert noisy_C == pytest.approx(at_C, abs=2.5)
+
+
+@pytest.mark.parametrize("law", ["pid", "feed_forward_pid"])
+def test_a_wire_is_held_where_a_setpoint_that_is_reckoned_anew_asks_for_it(law):
+    rig, rng = driven(type=law), np.random.default_rng(1)
+
+    def noisy(place_m):
+        return lambda elapsed_s: place_m + 1e-7 * rng.standard_normal()
+
+    for place_m in (0.0020, 0.0026, 0.0015):
+        follow(rig, noisy(place_m), 8.0)
+        assert follow(rig, noisy(place_m), 4.0, lambda rig: rig.output.estimate.displacement_m) < 0.5
+
+
 def test_on_a_short_way_the_current_does_not_jump(config):
     law = FeedForwardPid(config.controller, config)
     sensed(law, 0.0)
