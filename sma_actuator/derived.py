@@ -218,17 +218,18 @@ def not_survived(wire: Wire, supply: SupplyParameters, thermal: ThermalParameter
 
 
 def _settle_rate(time_constant_s: float, given: Any, settle: Any) -> float:
-    """Only where the wire is too quick for the usual rate; how often it is read in its time constant then."""
+    """Only where the wire is too quick for the usual rate, or somebody gave a quicker one; how often it is read in its
+    time constant then."""
     usual = Loop()
-    if time_constant_s * usual.rate >= READINGS:
-        return time_constant_s * given("loop.rate", usual.rate)
-    rate_Hz = settle(
-        "loop.rate",
-        float(math.ceil(min(READINGS / time_constant_s, QUICKEST_Hz))),
-        f"{READINGS:g} readings in heat_capacity / heat_loss, {time_constant_s:.2g} s, at most {QUICKEST_Hz:g} a "
-        "second: with fewer the loop may swing. `sma-actuator check` says whether the instruments are as quick",
-    )
-    if rate_Hz > 0.0:  # else to be told with the others
+    rate_Hz = given("loop.rate", usual.rate)
+    if quick := time_constant_s * usual.rate < READINGS:
+        rate_Hz = settle(
+            "loop.rate",
+            float(math.ceil(min(READINGS / time_constant_s, QUICKEST_Hz))),
+            f"{READINGS:g} readings in heat_capacity / heat_loss, {time_constant_s:.2g} s, at most {QUICKEST_Hz:g} a "
+            "second: with fewer the loop may swing. `sma-actuator check` says whether the instruments are as quick",
+        )
+    if rate_Hz > (0.0 if quick else usual.rate):  # else to be told with the others, or the usual block fits in between
         settle(
             "loop.samples_per_block",
             max(int(given("loop.sample_rate", usual.sample_rate) / rate_Hz), 1),

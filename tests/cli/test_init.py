@@ -329,6 +329,14 @@ def test_a_quick_wire_is_read_as_often_as_it_wants(diameter_m):
     assert slower["loop.samples_per_block"].value == 40
 
 
+@pytest.mark.parametrize(("rate_Hz", "samples"), [(10.0, None), (50.0, 20), (100.0, 10)])
+def test_a_rate_that_somebody_gives_gets_blocks_that_fit_in_between(tmp_path, rate_Hz, samples):
+    """Of a wire that needs no quicker one too: `init` refused 50 Hz for the 50 samples that nobody had given."""
+    words = [word for name, answer in ANSWERS.items() for word in ("--set", f"{name}={answer}")]
+    assert main(["init", *words, "--set", f"loop.rate={rate_Hz}", "--out", str(tmp_path / "bench.yaml")]) == 0
+    assert read_parameter_file(tmp_path / "bench.yaml")["loop"].get("samples_per_block") == samples
+
+
 @pytest.mark.parametrize(
     ("diameter_m", "rate_Hz", "share"), [(50e-6, None, 1.0), (50e-6, 20.0, 0.45), (25e-6, None, 0.64)]
 )
