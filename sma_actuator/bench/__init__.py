@@ -7,7 +7,7 @@ to fit it to real wires: what these say of a record of the virtual bench would p
 
 from sma_actuator.plant.loads import Schedule, Spring, Weight
 
-from .bench import Setup, Truth, VirtualBench
+from .bench import Setup, Truth, VirtualBench, setup_of
 from .chain import Chain
 from .hidden import FOREIGN, TWINS, require_twins
 from .hidden.effect import Hidden
@@ -30,4 +30,5 @@ __all__ = [
     "VirtualClock",
     "Weight",
     "require_twins",
+    "setup_of",
 ]

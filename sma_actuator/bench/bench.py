@@ -4,22 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from math import inf, nan
-from typing import Protocol
+from math import inf, isnan, nan
+from typing import Any, Protocol
 
 import numpy as np
 
+from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.sections import Wire
+from sma_actuator.config import BenchConfig
 from sma_actuator.plant import coil, physics
 from sma_actuator.plant.loads import Load, Schedule, Weight
-from sma_actuator.plant.materials import Specimen
+from sma_actuator.plant.materials import WIRES, Specimen
 from sma_actuator.plant.physics import constants
 from sma_actuator.plant.worlds import HOME
 
 from .chain import CHANNELS, LSB_V, SATURATED, Chain, Noise
 from .faults import check_fault
 from .real import wire_of
-from .supply import SimulatedSupply
+from .supply import OCP_TIMES, STRONGEST_A, SimulatedSupply
 
 STEP_s = 1e-3
 RING = 8192
@@ -35,6 +37,30 @@ class Setup:
     chain: Chain = field(default_factory=Chain)
     load: Load = field(default_factory=lambda: Weight(0.98))
     ambient_C: float = 22.0
+    strongest_A: float = STRONGEST_A  #: that the supply gives
+
+
+def setup_of(name: str, config: BenchConfig, option: str) -> dict[str, Any]:
+    """What :meth:`VirtualBench.from_name` is to be given besides ``name`` for a bench like that of a parameter file:
+    its wire, its sense resistor, and a supply that gives what it asks for.
+
+    Raises ConfigError, which names ``option``, where the wire of that name is of another alloy.
+    """
+    alloy = WIRES[name].material.name if name in WIRES else config.wire.alloy
+    if alloy != config.wire.alloy:
+        raise ConfigError(
+            f"{option} {name}: is a wire of {alloy}, and wire.alloy of the parameter file is {config.wire.alloy}; "
+            f"{option} {wire_of_alloy(config.wire.alloy)} is one of that, of the size and form that the file says"
+        )
+    strongest_A = max(config.supply.max_current, config.supply.over_current_trip / OCP_TIMES, STRONGEST_A)
+    sense_Ohm = config.circuit.reference_resistance
+    chain = Chain() if isnan(sense_Ohm) else Chain(reference_resistance_Ohm=sense_Ohm)
+    return {"like": config.wire, "chain": chain, "strongest_A": strongest_A}
+
+
+def wire_of_alloy(alloy: str) -> str:
+    """The first wire of the bench that is of it."""
+    return next(name for name, wire in WIRES.items() if wire.material.name == alloy)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +99,7 @@ class VirtualBench:
         self.load: Load = setup.load
         self.ambient_C = setup.ambient_C
         self.faults: dict[str, float] = {}
-        self.supply = SimulatedSupply()
+        self.supply = SimulatedSupply(setup.strongest_A)
         self.daq = SimulatedDaq(self)
         self.constants = constants(setup.wire, setup.chain.series_Ohm)
         self._noise = Noise(seed)

@@ -100,7 +100,7 @@ from sma_actuator.plant.loads import Spring, Weight, parse_load
 from .bench import RING, SharedJoint, STEP_s, VirtualBench
 from .chain import CHANNELS, SATURATED
 from .faults import FAULTS
-from .supply import CURRENT_RANGE_A, OCP_RANGE_A, OVP_RANGE_V, VOLTAGE_RANGE_V, SettingRefused, WATCHDOG_RANGE_s
+from .supply import OVP_RANGE_V, VOLTAGE_RANGE_V, SettingRefused, WATCHDOG_RANGE_s
 
 VERSION = "1.0"
 QUEUE_DEPTH = 20
@@ -376,9 +376,9 @@ class ScpiSupply(Instrument):
         self._owner: Client | None = None
         self._feeder: Client | None = None
         level = "[:LEVel][:IMMediate][:AMPLitude]"
-        self._setting(f"[SOURce:]CURRent{level}", "current_A", supply.set_current, CURRENT_RANGE_A)
+        self._setting(f"[SOURce:]CURRent{level}", "current_A", supply.set_current, supply.current_range_A)
         self._setting(f"[SOURce:]VOLTage{level}", "voltage_V", supply.set_voltage, VOLTAGE_RANGE_V)
-        self._setting("[SOURce:]CURRent:PROTection[:LEVel]", "ocp_A", supply.set_ocp, OCP_RANGE_A)
+        self._setting("[SOURce:]CURRent:PROTection[:LEVel]", "ocp_A", supply.set_ocp, supply.ocp_range_A)
         self._setting("[SOURce:]VOLTage:PROTection[:LEVel]", "ovp_V", supply.set_ovp, OVP_RANGE_V)
         self._setting("OUTPut:PROTection:WDOG:DELay", "watchdog_delay_s", supply.set_watchdog_delay, WATCHDOG_RANGE_s)
         self._switch("[SOURce:]CURRent:PROTection:STATe", "ocp_on")

@@ -33,7 +33,7 @@ from sma_actuator.plant.loads import Load, parse_load
 from sma_actuator.plant.materials import WIRES
 from sma_actuator.plant.worlds import HOME
 
-from .bench import VirtualBench
+from .bench import VirtualBench, setup_of, wire_of_alloy
 from .faults import FAULTS, parse_fault
 from .joint import JointBench
 from .scpi import Client, Instrument, ScpiDaq, ScpiError, ScpiSupply
@@ -261,8 +261,8 @@ def serve(
     def announce() -> None:
         for number, ports in enumerate(server.ports):
             print(
-                f"bench {number} ({ports['wire']}): supply TCPIP::{host}::{ports['supply']}::SOCKET, "
-                f"DAQ TCPIP::{host}::{ports['daq']}::SOCKET",
+                f"bench {number} ({server.benches[number].setup.wire.text}): "
+                f"supply TCPIP::{host}::{ports['supply']}::SOCKET, DAQ TCPIP::{host}::{ports['daq']}::SOCKET",
                 flush=True,
             )
         if ports_file is not None:
@@ -316,7 +316,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _of_the_wire(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--wire", choices=sorted(WIRES), default="flexinol", help="default %(default)s")
+    parser.add_argument(
+        "--wire", choices=sorted(WIRES), help="default flexinol; with --config the first of these of its alloy"
+    )
     parser.add_argument(
         "--physics",
         type=physics_name,
@@ -328,7 +330,8 @@ def _of_the_wire(parser: argparse.ArgumentParser) -> None:
         "--config",
         type=Path,
         metavar="BENCH.yaml",
-        help="the wire has the size and form of the one in this file, as `init` writes it (default: its own)",
+        help="the wire has the size and form of the one in this file, as `init` writes it, and the bench its sense "
+        "resistor and a supply that gives what it asks for (default: its own)",
     )
     parser.add_argument(
         "--load",
@@ -378,21 +381,21 @@ def _of_the_sockets(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Serve the benches that the options ask for; 0 after SIGINT or SIGTERM."""
     refuse_to_overwrite(args, args.ports_file)
-    like = bench_from_mapping(read_parameter_file(args.config), str(args.config)).wire if args.config else None
-    if like and isinstance(args.load, Joint):
+    config = bench_from_mapping(read_parameter_file(args.config), str(args.config)) if args.config else None
+    if config and isinstance(args.load, Joint):
         raise ConfigError(
             "--config: the wires of a joint have their own size; leave out one of --config and --load joint"
         )
+    wire = args.wire or (wire_of_alloy(config.wire.alloy) if config else "flexinol")
+    setup = {"ambient_C": args.ambient} | (setup_of(wire, config, "--wire") if config else {})
     benches: list[VirtualBench] = []
     for number in range(args.count):
         if isinstance(args.load, Joint):
-            joint = JointBench.from_name(args.wire, args.load, args.seed + 2 * number, args.physics, args.ambient)
+            joint = JointBench.from_name(wire, args.load, args.seed + 2 * number, args.physics, args.ambient)
             benches += joint.benches
         else:
             seed = args.seed + number
-            benches.append(
-                VirtualBench.from_name(args.wire, seed, args.load, like, args.physics, ambient_C=args.ambient)
-            )
+            benches.append(VirtualBench.from_name(wire, seed, args.load, physics=args.physics, **setup))
     for bench in benches:
         for name, value, at_s in args.fault:
             bench.inject(name, value, at_s=at_s)

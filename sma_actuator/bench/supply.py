@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from math import inf
 
-CURRENT_RANGE_A = (0.0, 1.0)
+STRONGEST_A = 1.0  #: what it gives at the most, unless a stand wants a stronger one
 CURRENT_STEP_A = 20e-6
 VOLTAGE_RANGE_V = (0.0, 20.0)
-OCP_RANGE_A = (0.01, 1.2)
+LEAST_OCP_A, OCP_TIMES = 0.01, 1.2  #: the largest over-current trip is so many times what it gives
 OVP_RANGE_V = (0.1, 22.0)
 WATCHDOG_RANGE_s = (0.05, 3600.0)
 
@@ -23,7 +23,9 @@ class SettingRefused(ValueError):
 class SimulatedSupply:
     """State of the supply.  Its bench applies it to the wire and calls back when a protection trips."""
 
-    def __init__(self) -> None:
+    def __init__(self, strongest_A: float = STRONGEST_A) -> None:
+        self.current_range_A = (0.0, strongest_A)
+        self.ocp_range_A = (LEAST_OCP_A, OCP_TIMES * strongest_A)
         self.trips: list[str] = []
         self.reset()
 
@@ -32,7 +34,7 @@ class SimulatedSupply:
         self.current_A = 0.0
         self.voltage_V = 0.0
         self.output_on = False
-        self.ocp_A = OCP_RANGE_A[1]
+        self.ocp_A = self.ocp_range_A[1]
         self.ocp_on = True
         self.ovp_V = OVP_RANGE_V[1]
         self.ovp_on = True
@@ -42,8 +44,8 @@ class SimulatedSupply:
         self.last_command_s = 0.0
 
     def set_current(self, current_A: float) -> None:
-        """Current setting [A], rounded to its 20 µA steps; raises SettingRefused outside 0–1 A."""
-        self.current_A = round(_ranged(current_A, CURRENT_RANGE_A, "A") / CURRENT_STEP_A) * CURRENT_STEP_A
+        """Current setting [A], rounded to its 20 µA steps; raises SettingRefused outside its range."""
+        self.current_A = round(_ranged(current_A, self.current_range_A, "A") / CURRENT_STEP_A) * CURRENT_STEP_A
 
     def set_voltage(self, voltage_V: float) -> None:
         """Compliance voltage [V]; raises SettingRefused outside 0–20 V."""
@@ -51,7 +53,7 @@ class SimulatedSupply:
 
     def set_ocp(self, current_A: float) -> None:
         """Over-current trip [A]."""
-        self.ocp_A = _ranged(current_A, OCP_RANGE_A, "A")
+        self.ocp_A = _ranged(current_A, self.ocp_range_A, "A")
 
     def set_ovp(self, voltage_V: float) -> None:
         """Over-voltage trip [V]."""

@@ -282,16 +282,17 @@ class _Shown:
 
 def _virtual(args: argparse.Namespace, config: BenchConfig, plan: Sequence[Part]) -> tuple[Rig, Operator]:
     """The virtual bench in this process."""
-    from sma_actuator.bench import HiddenBench, InProcessDaq, InProcessSupply, VirtualClock
+    from sma_actuator.bench import HiddenBench, InProcessDaq, InProcessSupply, VirtualClock, setup_of
 
+    setup = setup_of(args.virtual, config, "--virtual")
     try:
         bench = HiddenBench.from_name(
             args.virtual,
             args.seed,
-            like=config.wire,
             physics=args.physics or HOME,
             hidden=dict(args.hidden),
             session_s=sum(p.duration_s for p in plan),
+            **setup,
         )
     except ValueError as error:
         raise ConfigError(f"{'--hidden' if 'hidden' in str(error) else '--virtual'}: {error}") from error

@@ -93,9 +93,9 @@ def next_step(config: BenchConfig, path: Path) -> str:
 
 def _instruments(config: BenchConfig, virtual: str | None) -> tuple[PowerSupply, Daq, Clock]:
     if virtual:
-        from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock
+        from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock, setup_of
 
-        bench = VirtualBench.from_name(virtual, like=config.wire)
+        bench = VirtualBench.from_name(virtual, **setup_of(virtual, config, "--virtual"))
         return InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench)
     from sma_actuator.instruments import open_instruments
     from sma_actuator.instruments.clock import MonotonicClock

@@ -181,13 +181,14 @@ def _driver(
 ) -> tuple[Driver, Callable[[], object] | None]:
     """A driver, and what steps it where nothing else does."""
     if args.virtual:
-        from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock
+        from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock, setup_of
 
         try:
             load = parse_load(args.load) if args.load else None
         except ValueError as error:
             raise ConfigError(f"--load: {error}") from error
-        bench = VirtualBench.from_name(args.virtual, like=config.wire, load=load, physics=args.physics)
+        setup = setup_of(args.virtual, config, "--virtual")
+        bench = VirtualBench.from_name(args.virtual, load=load, physics=args.physics, **setup)
         driver = Driver(
             config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench), on_output
         )

@@ -139,6 +139,13 @@ class Specimen:
         """How it transforms: Liang & Rogers with the material's temperatures, unless it has another."""
         return self.other_kinetics or self.material.liang_rogers
 
+    @property
+    def text(self) -> str:
+        """Its alloy, size and form, for a person."""
+        coil = f", a coil of {1e3 * self.coil_diameter_m:g} mm" if self.coil_diameter_m else ""
+        several = f"{self.wires} × " if self.wires > 1 else ""
+        return f"{self.material.name}, {several}{1e3 * self.length_m:g} mm of {1e3 * self.diameter_m:g} mm{coil}"
+
     def after(self, cycles: float) -> Specimen:
         """The same wire when it has done so many cycles, whatever it did meanwhile."""
         return self if self.untrained is None else replace(self, untrained=self.untrained.after(cycles))

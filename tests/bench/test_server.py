@@ -267,6 +267,33 @@ def test_the_wire_has_the_size_of_the_one_in_a_file(tmp_path, monkeypatch):
     assert fine.resistance_Ohm == pytest.approx(home.resistance_Ohm * 10.0, rel=0.01)
 
 
+def test_the_bench_has_the_alloy_sense_resistor_and_current_of_a_file(tmp_path, monkeypatch, capsys):
+    """A coil of 0.5 mm Ni-Ti-Cu on 0.1 Ω, which wants 2 A: the bench was one of Ni-Ti on 1 Ω, and took 1.2 A."""
+    words = ["wire.alloy=ni-ti-cu", "wire.form=coil", "wire.coil_diameter=3.5mm", "wire.length=132mm"]
+    words += ["wire.diameter=0.5mm", "circuit.reference_resistance=0.1"]
+    for kind in ("supply", "daq"):
+        words += [f"instruments.{kind}.resource=TCPIP::127.0.0.1::5025::SOCKET"]
+        words += [f"instruments.{kind}.dialect=virtual_bench_{kind}"]
+    words += ["instruments.daq.lvdt_channel=104"]
+    file = str(tmp_path / "coil.yaml")
+    assert main(["init", *(w for word in words for w in ("--set", word)), "--out", file]) == 0
+    served = []
+    monkeypatch.setattr("sma_actuator.bench.server.serve", lambda benches, *rest: served.extend(benches))
+    assert main(["bench", "--config", file]) == 0
+    setup, supply = served[0].setup, served[0].supply
+    assert setup.wire.text == "ni-ti-cu, 132 mm of 0.5 mm, a coil of 3.5 mm"
+    assert setup.chain.reference_resistance_Ohm == 0.1
+    limits = read_parameter_file(file)["supply"]
+    supply.set_current(limits["max_current"])
+    supply.set_ocp(limits["over_current_trip"])
+    assert limits["max_current"] > 1.5
+    capsys.readouterr()
+    for command in (["bench", "--wire"], ["characterise", "--out", str(tmp_path / "out"), "--virtual"]):
+        assert main([*command, "coil", "--config", file]) == 1
+        said = capsys.readouterr().err
+        assert f"{command[-1]} coil: is a wire of ni-ti" in said and f"{command[-1]} furukawa is one" in said
+
+
 def test_two_wires_on_a_joint_have_a_size_of_their_own(capsys):
     file = shared_file("config/flexinol.yaml")
     assert main(["bench", "--config", str(file), "--load", "joint:0.004,0.0017"]) == 1

@@ -463,5 +463,9 @@ def test_the_command_prints_a_line_for_each_part_and_ends_with_1_where_something
     assert lines[0].startswith("ok     identity        the supply is SMA Actuator,Virtual Supply")
     assert lines[-1] == "ok     output          the output is off, and the supply has read that back"
     assert {each["level"] for each in json.loads((tmp_path / "found.json").read_text())} == {"ok"}
-    assert main(["check", "--config", str(config), "--virtual", "furukawa"]) == 1
+    mapping = read_parameter_file(config)
+    mapping["circuit"]["lead_resistance"] = 3.0
+    other = tmp_path / "other.yaml"
+    write_parameter_file(other, mapping, "Other leads.")
+    assert main(["check", "--config", str(other), "--virtual", "flexinol"]) == 1
     assert "WRONG" in capsys.readouterr().out
