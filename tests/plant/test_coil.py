@@ -9,6 +9,7 @@ import pytest
 from sma_actuator.base.parameters import from_mapping
 from sma_actuator.base.sections import Wire
 from sma_actuator.bench import Setup, VirtualBench
+from sma_actuator.derived import still_air_W_m2K
 from sma_actuator.plant import coil, physics
 from sma_actuator.plant.loads import Spring, Weight
 from sma_actuator.plant.worlds import wire_in_world
@@ -140,6 +141,16 @@ def test_parameters_and_bench_mean_the_same(wire):
     heat_J_K = material.density_kg_m3 * material.specific_heat_J_kgK * wire.volume_m3
     assert c.transformation.heat_capacity_J_K == pytest.approx(heat_J_K, rel=1e-12)
     assert wire.resistivity_Ohm_m(wire.resistance_Ohm(0.9e-6)) == pytest.approx(0.9e-6, rel=1e-12)
+
+
+@pytest.mark.parametrize("diameter_m", [25e-6, 50e-6, 0.1e-3, 0.3e-3, 0.5e-3])
+def test_a_thinner_wire_loses_more_per_surface_as_still_air_takes_it(diameter_m):
+    """One of 25 µm lost 0.3 times what still air takes of it, so that it came far above max_temperature in
+    characterise, and one of 0.5 mm twice as much, so that its largest current did not contract it."""
+    home = VirtualBench.from_name("flexinol").setup.wire
+    wire = VirtualBench.from_name("flexinol", like=Wire(alloy="ni-ti", length=0.1, diameter=diameter_m)).setup.wire
+    times = wire.heat_transfer_W_m2K / home.heat_transfer_W_m2K
+    assert times == pytest.approx(still_air_W_m2K(diameter_m) / still_air_W_m2K(home.diameter_m), rel=0.05)
 
 
 def test_stress_and_strain_of_a_coil_are_wahl_s_by_von_mises():
