@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping
 
@@ -20,6 +21,8 @@ from .probe import WORDS, Probe
 
 SETTLING_s = 0.4  #: after a change of the current
 MORE_CURRENT = 2.0  #: times the bias, for a moment, to tell a zero error from a resistance
+BEYOND_V = 1e30  #: no voltage: what instruments say of one that is over range
+ZERO_A = 1e-6  #: what is less does not flow
 #: The current may be off by this share of the bias, a voltage by this share of what the wire should show.
 CURRENT_SHARE, VOLTAGE_SHARE = 0.1, 0.05
 #: The wire may differ from its calibration by this share.
@@ -102,10 +105,11 @@ def _current(probe: Probe, supply_V: float, reference_V: float, state: SupplySta
     near_A = CURRENT_SHARE * bias_A
     if abs(by_supply_A - bias_A) > near_A:
         if voltage_V >= 0.95 * probe.config.supply.max_voltage:
+            otherwise = _wired_otherwise(probe, voltage_V / max(by_supply_A, ZERO_A))
             probe.end(
                 "bias",
-                f"the circuit is open: the supply is at its compliance voltage, {voltage_V:.3g} V, and "
-                f"{by_supply_A * 1e3:.3g} mA flow; look at the crimps and the leads",
+                f"{otherwise or 'the circuit is open'}: the supply is at its compliance voltage, {voltage_V:.3g} V, "
+                f"and {by_supply_A * 1e3:.3g} mA flow{'' if otherwise else '; look at the crimps and the leads'}",
             )
         rounded = "; that is what its dialect's digits leave of supply.bias_current: choose one that they can write"
         probe.end(
@@ -155,10 +159,13 @@ def _resistance(probe: Probe, supply_V: float, reference_V: float) -> float:
     resistance_Ohm = signals_from_reading(reading, config).resistance_Ohm
     low_Ohm, high_Ohm = probe.expected_Ohm()
     wire = config.wire
+    form = f", {wire.form_text}," if wire.form_text else ""
     of_wire = (
-        f"{wire.length * 1e3:g} mm of {wire.diameter * 1e6:g} µm {wire.alloy} have {low_Ohm:.3g} to "
+        f"{wire.length * 1e3:g} mm of {wire.diameter * 1e6:g} µm {wire.alloy}{form} have {low_Ohm:.3g} to "
         f"{high_Ohm:.3g} Ω (ρL/A, contracted to extended)"
     )
+    if otherwise := _wired_otherwise(probe, resistance_Ohm):
+        probe.end("resistance", f"{resistance_Ohm:.3g} Ω, and {of_wire}: {otherwise}")
     if resistance_Ohm < config.safety.resistance_min or resistance_Ohm < 0.5 * low_Ohm:
         probe.end("resistance", f"{resistance_Ohm:.3g} Ω: something bridges the wire; {of_wire}")
     more_Ohm, are_measured = resistance_Ohm - high_Ohm, config.circuit.lead_resistance > 0.0
@@ -172,13 +179,42 @@ def _resistance(probe: Probe, supply_V: float, reference_V: float) -> float:
     elif not low_Ohm <= resistance_Ohm <= high_Ohm:
         probe.wrong(
             "resistance",
-            f"{resistance_Ohm:.4g} Ω, and {of_wire}: is wire.length that between the crimps, wire.diameter that of "
-            "the wire, circuit.lead_resistance that of the leads?",
+            f"{resistance_Ohm:.4g} Ω, and {of_wire}: {_broken(probe, resistance_Ohm)}is wire.length that between "
+            "the crimps, wire.diameter that of the wire, circuit.lead_resistance that of the leads?",
         )
     else:
         probe.say("resistance", f"{resistance_Ohm:.4g} Ω; {of_wire}")
         _leads(probe, resistance_Ohm)
     return resistance_Ohm
+
+
+def _wired_otherwise(probe: Probe, resistance_Ohm: float) -> str:
+    """Of a bundle that has what it would have if the current went the other way through its wires, a sentence; else
+    ""."""
+    wire = probe.config.wire
+    if wire.form != "bundle" or wire.wires == 1:
+        return ""
+    other = dataclasses.replace(wire, connection="parallel" if wire.connection == "series" else "series")
+    low_Ohm, high_Ohm = probe.expected_Ohm(other)
+    if not low_Ohm <= resistance_Ohm <= high_Ohm + LEADS_Ohm:
+        return ""
+    return (
+        f"in {other.connection} they have {low_Ohm:.3g} to {high_Ohm:.3g} Ω, as here; is wire.connection, "
+        f"{wire.connection}, as they are wired?"
+    )
+
+
+def _broken(probe: Probe, resistance_Ohm: float) -> str:
+    """Of wires in parallel that have what fewer of them have, a sentence; else ""."""
+    wire, cold_Ohm = probe.config.wire, probe.cold_Ohm
+    if wire.connection != "parallel" or not math.isfinite(cold_Ohm):
+        return ""
+    carry = round(wire.wires * cold_Ohm / resistance_Ohm)
+    if not 1 <= carry < wire.wires:
+        return ""
+    if abs(carry * resistance_Ohm / wire.wires - cold_Ohm) > CALIBRATION_SHARE * cold_Ohm:
+        return ""
+    return f"that is what {carry} of its {wire.wires} wires have: look for one that is broken or out of its crimp; or "
 
 
 def _leads(probe: Probe, resistance_Ohm: float) -> None:
@@ -193,9 +229,9 @@ def _leads(probe: Probe, resistance_Ohm: float) -> None:
     side = "more" if more_Ohm > 0 else "less"
     probe.wrong(
         "leads",
-        f"{abs(more_Ohm):.3g} Ω {side} than the calibration has at cold rest ({cold_Ohm:.4g} Ω): the leads have "
-        f"other than circuit.lead_resistance, {config.circuit.lead_resistance:g} Ω (~/measure_lead_resistance), "
-        "the wire is not cold yet, or it is another",
+        f"{abs(more_Ohm):.3g} Ω {side} than the calibration has at cold rest ({cold_Ohm:.4g} Ω): "
+        f"{_broken(probe, resistance_Ohm)}the leads have other than circuit.lead_resistance, "
+        f"{config.circuit.lead_resistance:g} Ω (~/measure_lead_resistance), the wire is not cold yet, or it is another",
     )
 
 
@@ -214,6 +250,14 @@ def at_more(probe: Probe) -> None:
             f"the output went off by itself while {more_A * 1e3:.3g} mA were told: a protection that the dialect does "
             "not name, another program, or a hand at the supply; look at its panel",
         )
+    for name in ("supply_voltage_V", "reference_voltage_V"):
+        if not abs(getattr(reading, name)) < BEYOND_V:
+            probe.end(
+                "linearity",
+                f"the {WORDS[name]} is beyond the range of its channel at {more_A * 1e3:.3g} mA, and "
+                f"{config.supply.max_current * 1e3:.3g} mA may flow: give that channel a larger one, up to "
+                f"{config.supply.max_voltage:g} V (supply.max_voltage)",
+            )
     signals = signals_from_reading(reading, config)
     away_Ohm = probe.resistance_Ohm - signals.resistance_Ohm
     offset_V = away_Ohm / (1.0 / config.supply.bias_current - 1.0 / more_A)

@@ -10,6 +10,7 @@ from typing import NoReturn
 
 import numpy as np
 
+from sma_actuator.base.sections import Wire
 from sma_actuator.base.signals import Reading, SupplyState
 from sma_actuator.config import BenchConfig
 from sma_actuator.instruments import Clock, Daq, InstrumentError, PowerSupply
@@ -134,9 +135,9 @@ class Probe:
             times_s.append((back_s - read_s, read_s - began_s, clock.now_s() - back_s))
         return Pace.of(times_s, self.config)
 
-    def expected_Ohm(self) -> tuple[float, float]:
+    def expected_Ohm(self, other: Wire | None = None) -> tuple[float, float]:
         """The least and the most that a wire of this size and alloy has, hot and contracted, cold and extended: then it
         is longer and thinner."""
-        wire = self.config.wire
+        wire = other or self.config.wire
         low, high = RESISTIVITY_Ohm_m[wire.alloy]
         return wire.resistance_Ohm(low), (1.0 + 2.0 * wire.full_stroke_strain) * wire.resistance_Ohm(high)

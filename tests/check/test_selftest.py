@@ -16,7 +16,7 @@ from sma_actuator.check import SelfTest, passed
 from sma_actuator.check.found import Level
 from sma_actuator.check.probe import Probe
 from sma_actuator.cli.main import main
-from sma_actuator.config import Config, read_parameter_file, write_parameter_file
+from sma_actuator.config import Config, bench_from_mapping, read_parameter_file, write_parameter_file
 from sma_actuator.instruments import InstrumentLost
 from sma_actuator.plant.worlds import wire_in_world
 from sma_actuator.safety.thermal import HEADROOM_K
@@ -469,3 +469,45 @@ def test_the_command_prints_a_line_for_each_part_and_ends_with_1_where_something
     write_parameter_file(other, mapping, "Other leads.")
     assert main(["check", "--config", str(other), "--virtual", "flexinol"]) == 1
     assert "WRONG" in capsys.readouterr().out
+
+
+def self_test_of_a_bundle(said, wired, calibrated=False, bias_A=0.07):
+    """What is wrong of four wires by a parameter file which says that they are connected so, where so many are, and
+    so."""
+    config = bench_from_mapping(read_parameter_file(shared_file("config/bundle_bench.yaml")))
+    wire, (wires, connection) = replace(config.wire, connection=said), wired
+    right = VirtualBench.from_name("bundle", like=wire).truth
+    calibration = Calibration()
+    if calibrated:
+        cold = {"cold_stress": (20e6, 100e6), "cold_resistance": (right.resistance_Ohm,) * 2}
+        calibration = replace(calibration, rest=replace(calibration.rest, **cold, cold_displacement=(4e-3, 4e-3)))
+    low_Ohm, high_Ohm = wire.resistance_Ohm(0.4 * 0.7e-6), wire.resistance_Ohm(2.5e-6)
+    supply = replace(config.supply, max_voltage=20.0, bias_current=bias_A)
+    safety = replace(config.safety, resistance_min=low_Ohm, resistance_max=high_Ohm)
+    config = replace(config, wire=wire, supply=supply, safety=safety, calibration=calibration)
+    bench = VirtualBench.from_name("bundle", like=replace(wire, wires=wires, connection=connection))
+    bench.advance(0.2)
+    found = SelfTest(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench)).run()
+    return " ".join(each.sentence for each in found if each.level is Level.WRONG)
+
+
+@pytest.mark.parametrize(("said", "wired"), [("series", "parallel"), ("parallel", "series")])
+def test_a_bundle_that_is_wired_the_other_way_is_told_so(said, wired):
+    """They were bridged by something, or of another length."""
+    wrong = self_test_of_a_bundle(said, (4, wired))
+    assert f"is wire.connection, {said}, as they are wired?" in wrong and f"bundle of 4 in {said}" in wrong
+    assert "bridges" not in wrong and "wire.length" not in wrong
+    assert not self_test_of_a_bundle(said, (4, said))
+
+
+def test_a_voltage_beyond_the_range_of_its_channel_is_no_resistance():
+    """It was 3.6e+38 Ω, and a zero error of -9.9e+40 mV."""
+    wrong = self_test_of_a_bundle("series", (4, "series"), bias_A=0.14)
+    assert wrong.startswith("the supply voltage is beyond the range of its channel at 280 mA") and "Ω" not in wrong
+
+
+@pytest.mark.parametrize("carry", [1, 2, 3])
+def test_wires_that_are_broken_in_a_bundle_are_counted(carry):
+    wrong = self_test_of_a_bundle("parallel", (carry, "parallel"), calibrated=True)
+    assert f"that is what {carry} of its 4 wires have" in wrong
+    assert not self_test_of_a_bundle("parallel", (4, "parallel"), calibrated=True)
