@@ -294,6 +294,24 @@ def test_a_learner_does_not_stop_where_its_steps_are_timid():
     assert robust(target - one.value(weights, z)) + one.shrinkage @ weights**2 < 2000.0  # stopped: 3132
 
 
+def test_a_learner_whose_search_has_ended_beside_the_point_learns_anew(monkeypatch):
+    """One of three stood at 3 % where the others had 0.6, once in some hundred fits, and the model was their mean."""
+    searches = []
+
+    def ends_early(one, z, target, iterations):
+        searches.append(one)
+        return learn(one, z, target, 0 if len(searches) == 2 else iterations)
+
+    rng = np.random.default_rng(96)
+    z = rng.normal(size=(150, 6))
+    target = 30 * np.tanh(2 * z[:, 0] + z[:, 3]) - 20 * np.tanh(3 * z[:, 2])
+    monkeypatch.setattr(learner, "learn", ends_early)
+    team = learner.Team(z, target, iterations=60, smooth=3.0, units=8)
+    assert len(searches) == 4 and team.learners[1] is searches[3]
+    costs = [one.cost(one.weights, z, target) for one in team.learners]
+    assert max(costs) < 5.0 * min(costs) < searches[1].cost(searches[1].weights, z, target)
+
+
 def test_identify_says_which_model_it_would_take_and_why(whole):
     assert whole.beside.startswith("take whole_range") and not whole.rather
     assert "hot end" in whole.beside and "cold end" in whole.beside and "partial cycles" in whole.beside
