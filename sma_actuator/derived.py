@@ -41,6 +41,7 @@ _RADIATION_W_m2K = 5.0  #: emissivity 0.6
 #: Upper end of the Rayleigh number, factor, exponent: Nu = factor · Ra^exponent.
 _MORGAN = ((1e-2, 0.675, 0.058), (1e2, 1.02, 0.148), (math.inf, 0.850, 0.188))
 HALF = 2.0  #: what is promised is a wire that loses half the heat that it should
+LEADS_Ohm = 0.5  #: that leads have at the most which nobody has measured yet
 LATENT = 3.0  #: by how much latent heat lengthens the lag of the temperature
 #: A loop that reads a wire fewer than ten times in heat_capacity / heat_loss may swing about its setpoint, and logs do
 #: not tell what the wire loses; so it is read twelve times, as far as usual instruments answer, and where it is not the
@@ -190,7 +191,7 @@ def _settle_supply(wire: Wire, loss_W_K: float, given: Any, settle: Any) -> floa
         f"for ever in still air of {ambient_C:g} °C: {hottest_C:g} °C, {_TRIP_HEADROOM_K:g} K below max_temperature"
         f"{more}",
     )
-    sense_Ohm, leads_Ohm = given("circuit.reference_resistance", 0.0), given("circuit.lead_resistance", 0.0)
+    sense_Ohm, leads_Ohm = given("circuit.reference_resistance", 0.0), given("circuit.lead_resistance", LEADS_Ohm)
     sense_Ohm = 0.0 if math.isnan(sense_Ohm) else sense_Ohm
     total_Ohm = wire.resistance_Ohm(LARGEST_RESISTIVITY_Ohm_m) + sense_Ohm + leads_Ohm
     settle(

@@ -9,9 +9,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from sma_actuator.base.signals import Reading, SupplyState
+from sma_actuator.derived import LEADS_Ohm
 from sma_actuator.estimation.circuit import signals_from_reading
 from sma_actuator.safety.alive import RARE
 from sma_actuator.safety.guards.supply import SETTING_TOLERANCE_A
+from sma_actuator.safety.guards.wire import COMPLIANCE
 from sma_actuator.safety.supervisor import may_flow_W, unwatched_s
 from sma_actuator.safety.thermal import WireHeat
 
@@ -27,8 +29,6 @@ ZERO_A = 1e-6  #: what is less does not flow
 CURRENT_SHARE, VOLTAGE_SHARE = 0.1, 0.05
 #: The wire may differ from its calibration by this share.
 CALIBRATION_SHARE = 0.03
-#: Leads that nobody has measured yet have so much at the most.
-LEADS_Ohm = 0.5
 #: At which most wires have contracted: measured Flexinol by nine tenths at 97 (50 MPa) to 114 °C (200 MPa).
 CONTRACTED_C = 115.0
 #: Above the bias [A]: so close and so far that steps of 5 mA and more lie SETTING_TOLERANCE_A away from one at least.
@@ -270,6 +270,24 @@ def at_more(probe: Probe) -> None:
         )
     else:
         probe.say("linearity", f"the same resistance at {more_A * 1e3:.3g} mA, within {abs(away_Ohm):.2g} Ω")
+        _compliance(probe, reading)
+
+
+def _compliance(probe: Probe, reading: Reading) -> None:
+    """Does the supply's voltage drive the largest current through the cold wire?"""
+    config = probe.config
+    circuit_Ohm = config.circuit.reference_resistance * reading.supply_voltage_V / reading.reference_voltage_V
+    wanted_V = circuit_Ohm * config.supply.max_current
+    if wanted_V > COMPLIANCE * config.supply.max_voltage:
+        probe.say(
+            "voltage",
+            f"supply.max_voltage, {config.supply.max_voltage:g} V, drives no more than "
+            f"{config.supply.max_voltage / circuit_Ohm:.3g} A through wire, leads and sense resistor, "
+            f"{circuit_Ohm:.3g} Ω, and the driver switches off where it asks for supply.max_current, "
+            f"{config.supply.max_current:g} A, in vain: write supply.max_voltage: "
+            f"{math.ceil(12.5 * wanted_V) / 10.0:g}, or less for supply.max_current",
+            Level.WARNING,
+        )
 
 
 def between(probe: Probe) -> None:

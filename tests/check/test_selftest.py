@@ -511,3 +511,12 @@ def test_wires_that_are_broken_in_a_bundle_are_counted(carry):
     wrong = self_test_of_a_bundle("parallel", (carry, "parallel"), calibrated=True)
     assert f"that is what {carry} of its 4 wires have" in wrong
     assert not self_test_of_a_bundle("parallel", (4, "parallel"), calibrated=True)
+
+
+@pytest.mark.parametrize(("max_V", "written"), [(4.0, None), (2.4, "3.3")])
+def test_a_compliance_voltage_too_low_for_the_cold_circuit_is_seen(max_V, written):
+    """The driver switched off where it asked for its largest current: 0.4 A through 6.6 Ω."""
+    stand = Stand(lambda stand: stand.change(supply__max_voltage=max_V))
+    said = [each for each in stand.found if each.part == "voltage"]
+    assert [each.level for each in said] == ([Level.WARNING] if written else [])
+    assert all(f"write supply.max_voltage: {written}" in each.sentence for each in said) and not stand.wrong

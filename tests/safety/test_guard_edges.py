@@ -380,6 +380,17 @@ def test_current_off_the_command_is_a_fault_once_it_lasts(step, config):
         assert said(supply_disagrees, step(memory=memory)) == ""
 
 
+@pytest.mark.parametrize(("short_V", "blamed"), [(0.01, True), (1.0, False)])
+def test_less_current_at_the_compliance_voltage_is_laid_to_that(step, config, short_V, blamed):
+    """Channels and sense resistor were to be looked at, where 1.9 V did not drive 1.94 A through a cold coil."""
+    memory, lasts_s = Memory(**MEMORY), config.safety.disagreement_time
+    at_V = config.supply.max_voltage - short_V
+    changes = {"memory": memory, "signals__current_A": 0.9 * CURRENT_A - 0.03, "reading__supply_voltage_V": at_V}
+    said(supply_disagrees, step(**changes))
+    words = said(supply_disagrees, step(**changes, now_s=NOW_s + lasts_s))
+    assert words and ("drives no more through this circuit" in words) == blamed
+
+
 def test_current_that_flows_while_the_output_is_off_is_one_too(step, config):
     memory = Memory(**MEMORY)
     off = {"memory": memory, "told": Command(CURRENT_A, False)}

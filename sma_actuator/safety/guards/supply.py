@@ -139,7 +139,8 @@ def _disagrees(step: Step, names: tuple[str, str], differs: bool, however_late: 
 
 @guard(
     words="the supply does not do what it was told",
-    remedy="Compare the supply's display with circuit.reference_resistance and the DAQ's channels",
+    remedy="Compare the supply's display with circuit.reference_resistance and the DAQ's channels; where it is at its "
+    "compliance voltage, supply.max_voltage with what the circuit wants",
     detector="measured current off the command by more than safety.current_disagreement for safety.disagreement_time, "
     f"{HOWEVER_LATE} (a command that swings through the current that flows hides it for as long); also current that "
     "flows while the output is off",
@@ -161,9 +162,12 @@ def supply_disagrees(step: Step) -> str:
     lasts_s = _disagrees(step, ("supply_disagrees", "supply_disagrees, however late"), differs, however_late)
     if lasts_s is None:
         return ""
+    most_V = step.config.supply.max_voltage
+    no_more = measured_A < told_A and step.reading.supply_voltage_V >= COMPLIANCE * most_V
+    at_compliance = f"; supply.max_voltage, {most_V:g} V, drives no more through this circuit" if no_more else ""
     return (
         f"{measured_A:.3g} A flow, {told_A:.3g} A were commanded, for {lasts_s:.3g} s; safety.current_disagreement "
-        f"is {tolerance_A:g} A"
+        f"is {tolerance_A:g} A{at_compliance}"
     )
 
 
