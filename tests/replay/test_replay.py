@@ -68,6 +68,19 @@ def test_a_log_without_an_estimate_is_not_taken_for_one_without_a_displacement(f
     assert word == "not judged" and said.startswith("flexinol has no estimate anywhere in this log")
 
 
+def test_a_log_is_held_to_a_calibration_by_the_error_that_it_would_have_there(flexinol, model):
+    """A bench without a sensor of the room: replayed as in a node, its own log was 0.79 % off, and 0.46 there; `replay`
+    said that something has changed."""
+    (found,) = replay(flexinol.only("partial_0.600N"), {"flexinol": model.config})
+    largest = max(model.config.calibration.error, model.config.calibration.largest_error)
+    assert 0.0 < found.judged_percent < 1.5 * largest
+    errors = {"flexinol": dataclasses.replace(found.errors["flexinol"], full_percent=2.0 * largest)}
+    word, said = verdict([dataclasses.replace(found, errors=errors)], model.config)
+    assert word == "as calibrated" and "learns from motion of its surroundings" in said
+    changed = dataclasses.replace(found, errors=errors, judged_percent=2.0 * largest)
+    assert verdict([changed], model.config)[0] == "changed"
+
+
 def in_the_world_of(experiments, rule):
     """Experiments whose displacement follows ``rule(experiment)`` [m]."""
     return [
