@@ -6,6 +6,7 @@ import re
 import time
 from typing import Any, Protocol
 
+from sma_actuator.base.newtons import newtons
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.console.asking import Asking
 from sma_actuator.logs.units import GRAVITY_m_s2
@@ -176,4 +177,5 @@ class ScpiBenchOperator:
 
 
 def _in_grams(force_N: float) -> str:
-    return f"{force_N / GRAVITY_m_s2 * 1e3:.1f} g ({force_N:.3f} N)"
+    grams = force_N / GRAVITY_m_s2 * 1e3
+    return f"{grams:.1f} g ({newtons(force_N)} N)" if grams >= 10.0 else f"{grams:.3g} g ({newtons(force_N)} N)"

@@ -7,6 +7,7 @@ import time
 
 import numpy as np
 
+from sma_actuator.base.newtons import newtons
 from sma_actuator.console.asking import Shown
 from sma_actuator.estimation.circuit import signals_from_reading
 from sma_actuator.instruments import InstrumentError
@@ -47,7 +48,7 @@ class LoadWatch:
         text = f"load cell: {voltage_V:.4f} V"
         if self._rig.config.load_cell.calibrated:
             wanted = "" if self._expected_N is None else f" of {_in_words(self._expected_N)}"
-            text += f", {load_N:.3f} N{wanted} by its calibration"
+            text += f", {newtons(load_N)} N{wanted} by its calibration"
         return Shown(f"{text}: {state}", state)
 
     def wrong(self) -> str:
@@ -60,8 +61,8 @@ class LoadWatch:
         if self._expected_N[0] - least_N <= load_N <= self._expected_N[1] + most_N:
             return ""
         return (
-            f"the load cell reads {load_N:.3f} N, not {_in_words(self._expected_N)}: hang what is asked for, name what "
-            "hangs there (--loads, --spring), or have the load cell calibrated (without --skip load_cell)"
+            f"the load cell reads {newtons(load_N)} N, not {_in_words(self._expected_N)}: hang what is asked for, name "
+            "what hangs there (--loads, --spring), or have the load cell calibrated (without --skip load_cell)"
         )
 
     def _settled(self, now_s: float) -> bool:
@@ -73,4 +74,4 @@ class LoadWatch:
 
 
 def _in_words(expected_N: tuple[float, float]) -> str:
-    return " to ".join(f"{each_N:.3f}" for each_N in dict.fromkeys(expected_N)) + " N"
+    return " to ".join(newtons(each_N) for each_N in dict.fromkeys(expected_N)) + " N"

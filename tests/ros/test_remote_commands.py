@@ -1,5 +1,6 @@
 """``sma-actuator move | status | enable | stop | call | watch`` speak to a running node; no ROS tool is needed."""
 
+import contextlib
 import json
 import math
 import os
@@ -8,6 +9,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 
@@ -15,6 +17,7 @@ pytest.importorskip("rclpy")
 from processes import Bench, NodeProcess, parameter_file, wait_until
 from test_node import _enabled
 
+from sma_actuator.actuator.said import AFTER_A_FAULT
 from sma_actuator.base.local_stop import StopListener
 from sma_actuator.base.signals import Mode, Status
 from sma_actuator.cli.main import main
@@ -83,6 +86,20 @@ def _enable(capsys):
 def test_what_comes_next_is_what_the_node_would_do(fault, lifecycle, words):
     """A node that waits for its instruments enables nothing, and one whose instrument is back wants no clearing."""
     assert after(None, Status(Mode.OFF, fault, values={"lifecycle": lifecycle})) == words
+
+
+def test_what_to_do_about_a_fault_is_said_once(monkeypatch, capsys):
+    """It stood twice in one sentence: clear_fault and enable, mend what it says, then clear_fault and enable."""
+    client = SimpleNamespace(full_name="/sma_actuator", words=str)
+    monkeypatch.setattr("sma_actuator.cli.remote.move.connected", lambda args: contextlib.nullcontext(client))
+    for fault, message, ends in (
+        ("open_wire", f"off: the wire is open (0 A){AFTER_A_FAULT}", AFTER_A_FAULT),
+        ("", "off", "off; switch it on first: ~/enable"),
+    ):
+        status = Status(Mode.OFF, fault, message=message, values={"lifecycle": "active"})
+        monkeypatch.setattr("sma_actuator.cli.remote.move.listen_to_motion", lambda client, status=status: status)
+        assert main(["move", "40%"]) == 1
+        assert capsys.readouterr().err.strip().endswith(ends)
 
 
 @pytest.mark.parametrize(("rate_Hz", "there_s"), [(20.0, 0.5), (3.5, 3.0 / 3.5)])

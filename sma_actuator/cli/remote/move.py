@@ -92,8 +92,9 @@ def run(args) -> int:
         status = listen_to_motion(client)
         if status.mode is Mode.OFF:
             then = after(client, status)
-            first = f"switch it on first: {then}" if then == "~/enable" else then
-            raise UserError(client.words(f"{client.full_name}: {status.message}; {first}"))
+            first = f"; switch it on first: {then}" if then == "~/enable" else f"; {then}"
+            advised = "~/enable" in status.message  # as that of a fault is
+            raise UserError(client.words(f"{client.full_name}: {status.message}{'' if advised else first}"))
         motion = _of_joint(client, args) if is_joint(status) else _of_wire(client, args, status)
         if not is_joint(status) and (beyond := beyond_words(motion.asked, status)):
             print(f"{client.full_name}: {beyond}", file=sys.stderr, flush=True)

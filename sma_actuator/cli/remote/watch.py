@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 
+from sma_actuator.base.newtons import newtons
 from sma_actuator.base.options import number_within
 from sma_actuator.base.signals import Mode, Status
 
@@ -101,7 +102,7 @@ def line(client: NodeClient) -> str:
     return (
         f"position {_number(state and state.position[0] * 1e3, '6.3f')} mm "
         f"± {_number(_known(values.get('uncertainty_m'), 1e3), '5.3f')}  "
-        f"load {_number(load and load.wrench.force.x, '6.3f')} N  "
+        f"load {'–' if load is None else newtons(load.wrench.force.x):>6} N  "
         f"current {_number(current and current.data * 1e3, '5.1f')} mA  {client.words(status.message)}"
     )
 

@@ -123,7 +123,7 @@ def _loads(unseen: Unseen) -> list[tuple[float, np.ndarray]]:
     """Every load, those alike as one, and which samples are of it."""
     values = np.unique(unseen.load_N)
     groups = np.split(values, np.flatnonzero(np.diff(values) > SAME_LOAD * np.abs(values[1:])) + 1)
-    return [(round(float(g.mean()), 3), np.isin(unseen.load_N, g)) for g in groups if len(g)]
+    return [(float(f"{g.mean():.4g}"), np.isin(unseen.load_N, g)) for g in groups if len(g)]
 
 
 def _about_loads(
