@@ -1,5 +1,6 @@
 """``sma-actuator move | status | enable | stop | call | watch`` speak to a running node; no ROS tool is needed."""
 
+import argparse
 import contextlib
 import json
 import math
@@ -21,7 +22,7 @@ from sma_actuator.actuator.said import AFTER_A_FAULT
 from sma_actuator.base.local_stop import StopListener
 from sma_actuator.base.signals import Mode, Status
 from sma_actuator.cli.main import main
-from sma_actuator.cli.remote.move import Standing
+from sma_actuator.cli.remote.move import Standing, add_arguments
 from sma_actuator.cli.remote.status import shown
 from sma_actuator.cli.remote.watch import after
 
@@ -86,6 +87,15 @@ def _enable(capsys):
 def test_what_comes_next_is_what_the_node_would_do(fault, lifecycle, words):
     """A node that waits for its instruments enables nothing, and one whose instrument is back wants no clearing."""
     assert after(None, Status(Mode.OFF, fault, values={"lifecycle": lifecycle})) == words
+
+
+@pytest.mark.parametrize("text", ["-8deg", "-0.2rad", "-.2rad"])
+def test_a_joint_turns_to_a_negative_angle(text):
+    """`-8deg` was taken for an option, and a place was asked for."""
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    given = parser.parse_args([text, "--node", "joint"]).position
+    assert given.value < 0.0 and given.unit == "rad"
 
 
 def test_what_to_do_about_a_fault_is_said_once(monkeypatch, capsys):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 import sys
 import time
 from dataclasses import dataclass
@@ -59,6 +60,7 @@ def place(text: str) -> Place:
 
 def add_arguments(parser) -> None:
     """Declare the options of ``sma-actuator move``."""
+    parser._negative_number_matcher = re.compile(r"-\.?\d")  # -10deg is a place, and no option
     parser.add_argument(
         "position",
         type=place,
