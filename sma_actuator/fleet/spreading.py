@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -16,6 +17,9 @@ from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.parent import end_with
 
 Call = tuple[Callable[..., Any], tuple[Any, ...]]
+
+#: Said of a process that ended between two calls because it had grown: another takes its place, and nothing is lost.
+warnings.filterwarnings("ignore", "A worker stopped while some jobs were given to the executor", UserWarning)
 
 
 @contextmanager

@@ -111,3 +111,14 @@ def test_workers_end_with_their_parent_whatever_ends_it(program, number, code, t
         process.communicate(timeout=SOON_s)
     wait_until(lambda: not marked(tmp_path), what="the end of all workers", every_s=SCAN_s)
     assert process.returncode == code
+
+
+def test_a_process_that_is_replaced_is_no_warning_to_a_person():
+    """`trace` printed joblib's, with the path of its file and a line of its code."""
+    said = """
+import warnings, sma_actuator.fleet.spreading
+for words in ("A worker stopped while some jobs were given to the executor. This can be", "something else"):
+    warnings.warn(words, UserWarning)
+"""
+    done = subprocess.run([sys.executable, "-c", said], capture_output=True, text=True, check=True)
+    assert "something else" in done.stderr and "worker" not in done.stderr
