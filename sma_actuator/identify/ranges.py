@@ -18,8 +18,8 @@ from sma_actuator.logs.kinds import FULL, load_numbers
 
 MARGIN = 0.02  #: share of the full stroke that the working range keeps from where resistance stops telling
 #: Share by which a load may differ from the one that all logs are of before it counts as foreign.  On the virtual bench
-#: a tenth more or less costs 0.2 to 0.8 % of the full stroke (flexinol's asymptotes, measured and foreign physics) or
-#: 1.3 % (whole_range, measured).
+#: a tenth more or less costs 0.2 to 0.8 % of the full stroke (flexinol's asymptotes, measured and foreign physics), of
+#: whole_range 0.7 to 2.1 % (both alloys, measured and foreign).
 ONE_LOAD = 0.1
 FEWEST = 5  #: samples in mid-stroke that a branch has, of all cycles of a log
 _SMOOTH = 3  #: samples either side that a local slope is taken over

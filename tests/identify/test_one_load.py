@@ -93,7 +93,7 @@ def test_a_tenth_more_load_costs_what_the_verdict_says(which, request):
     result = request.getfixturevalue(which)
     at_home, _ = error_percent(result, record("flexinol", 2)[0])
     heavier, _ = error_percent(result, record("flexinol", 2, 1.1 * LOAD_N)[0])
-    assert at_home < 1.2 and heavier - at_home < 1.5
+    assert at_home < 1.2 and heavier - at_home < 2.0
 
 
 @pytest.mark.long

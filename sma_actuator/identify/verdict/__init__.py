@@ -147,7 +147,7 @@ def _about_loads(
 
 def _about_one_load(unseen: Unseen, foreign_N: tuple[float, float]) -> str:
     return (
-        f"for one load, {float(np.mean(unseen.load_N)):.3g} N: another costs up to some 1.5 % of full stroke for each "
+        f"for one load, {float(np.mean(unseen.load_N)):.3g} N: another costs up to some 2 % of full stroke for each "
         f"tenth that it differs (measured on the virtual bench); below {foreign_N[0]:.2f} and above {foreign_N[1]:.2f} "
         "N the node calls the estimate outside its calibration, and switches off where that lasts "
         "(estimator_outside); to use other loads record pulses at two or three more weights and give identify all the "
