@@ -301,6 +301,8 @@ class PairDriver:
             words += f": {setpoint_stale.words} ({self._lost})" if self._lost else ""
         if limits:
             words += f": {', '.join(LIMITS[name] for name in limits)}"
+        known = isfinite(estimate.torque_Nm)
+        lowest_rad, highest_rad = pair.range_rad(pair.shared_N(estimate.torque_Nm)) if known else (nan, nan)
         values: dict[str, float | str] = {
             "angle_rad": estimate.angle_rad,
             "uncertainty_rad": estimate.uncertainty_rad,
@@ -309,6 +311,8 @@ class PairDriver:
             "asked_angle_rad": pair.asked_rad,
             "asked_cocontraction_N": pair.asked_N,
             "reference_rad": pair.reference_rad,
+            "lowest_rad": lowest_rad,
+            "highest_rad": highest_rad,
         }
         return Status(mode, fault, limits, words, values)
 

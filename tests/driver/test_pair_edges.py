@@ -6,6 +6,7 @@ import pytest
 from test_pair import Rig
 
 from sma_actuator.base.signals import Mode
+from sma_actuator.cli.remote.move import beyond_words
 from sma_actuator.driver import OFF_MEANWHILE
 from sma_actuator.pair import PairDriver
 
@@ -177,6 +178,21 @@ def test_a_motion_that_is_held_ends_where_the_joint_is_measured_to_be():
     after = rig.run(2.0)
     assert after.status.values["asked_angle_rad"] == said.estimate.angle_rad, "and the way is forgotten"
     assert after.status.mode is Mode.HOLD
+
+
+def test_of_an_angle_that_is_out_of_reach_the_status_says_where_the_joint_can_be_held():
+    """As `move` does before it moves."""
+    rig = HeldRig(joint_command_timeout=0.0, angle_rate_limit=0.5)
+    rig.run(0.5)
+    rig.switch_on()
+    assert rig.joint.command(3.0) == ""
+    status = rig.run(1.0).status
+    low_rad, high_rad = status.values["lowest_rad"], status.values["highest_rad"]
+    assert "angle_range" in status.limits
+    assert low_rad < status.values["angle_rad"] < high_rad < 3.0
+    assert f"3.000 rad is beyond where the joint can be held, {low_rad:.3f} to" in beyond_words(3.0, status)
+    assert f"it is held at {high_rad:.3f} rad" in beyond_words(3.0, status)
+    assert not beyond_words(0.5 * (low_rad + high_rad), status)
 
 
 def test_who_switches_the_joint_on_again_finds_nothing_asked_for():

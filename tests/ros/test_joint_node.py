@@ -100,6 +100,8 @@ def test_a_joint_is_turned_by_commands_and_a_fault_of_one_wire_switches_both_off
     lost = status_of(client, "joint", lambda s: s.fault == "setpoint_stale")
     assert lost.mode.value == "hold" and "joint_command_timeout is 0.5 s" in lost.message
 
+    assert main(["move", "3rad", "--node", "joint", "--patience", "60", "--within", "1"]) == 1
+    assert "3.000 rad is beyond where the joint can be held, " in capsys.readouterr().err
     assert main(["move", "0.1rad", "--node", "joint", "--patience", "60", "--within", "60"]) == 0
     said = capsys.readouterr().out.splitlines()
     assert said[-2].startswith("there after") and said[-2].endswith("held there"), said

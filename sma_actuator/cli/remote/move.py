@@ -98,7 +98,7 @@ def run(args) -> int:
             advised = "~/enable" in status.message  # as that of a fault is
             raise UserError(client.words(f"{client.full_name}: {status.message}{'' if advised else first}"))
         motion = _of_joint(client, args) if is_joint(status) else _of_wire(client, args, status)
-        if not is_joint(status) and (beyond := beyond_words(motion.asked, status)):
+        if beyond := beyond_words(motion.asked, status):
             print(f"{client.full_name}: {beyond}", file=sys.stderr, flush=True)
         client.advertise(motion.topic, type(motion.message))
         client.advertise("joint_trajectory", JointTrajectory)
@@ -140,15 +140,20 @@ def _at(joint_name: str, position_m: float) -> Any:
     return JointTrajectory(joint_names=[joint_name], points=[JointTrajectoryPoint(positions=[position_m])])
 
 
-def beyond_words(asked_m: float, status: Status) -> str:
-    """A sentence where a position is beyond what the wire can reach now, or ""."""
-    short_m, long_m = _reach_m(status)
-    if not math.isfinite(long_m - short_m) or short_m <= asked_m <= long_m:
+def beyond_words(asked: float, status: Status) -> str:
+    """A sentence where a place [m, of a joint rad] is beyond what can be reached now, or ""."""
+    low, high = _reach(status)
+    if not math.isfinite(high - low) or low <= asked <= high:
         return ""
-    which, end_m = ("short", short_m) if asked_m < short_m else ("long", long_m)
+    end = low if asked < low else high
+    if is_joint(status):
+        return (
+            f"{asked:.3f} rad is beyond where the joint can be held, {low:.3f} to {high:.3f} rad; it is held at "
+            f"{end:.3f} rad"
+        )
     return (
-        f"{asked_m * 1e3:.3f} mm is beyond where the wire can be held at this load, {short_m * 1e3:.3f} to "
-        f"{long_m * 1e3:.3f} mm; it is held at its {which} end, {end_m * 1e3:.3f} mm"
+        f"{asked * 1e3:.3f} mm is beyond where the wire can be held at this load, {low * 1e3:.3f} to "
+        f"{high * 1e3:.3f} mm; it is held at its {'short' if asked < low else 'long'} end, {end * 1e3:.3f} mm"
     )
 
 
@@ -156,7 +161,7 @@ def _of_wire(client: NodeClient, args, status: Status) -> _Motion:
     """Raises UserError for a share of a way that nobody knows."""
     from sma_msgs_py import setpoint_message
 
-    low_m, high_m = _reach_m(status)
+    low_m, high_m = _reach(status)
     known = math.isfinite(high_m - low_m)
     if args.position.unit == "%":
         if not known:
@@ -170,10 +175,12 @@ def _of_wire(client: NodeClient, args, status: Status) -> _Motion:
     return _Motion("setpoint", setpoint_message(asked_m), asked_m, near_m)
 
 
-def _reach_m(status: Status) -> tuple[float, float]:
-    """From where to where the wire reaches at its load; NaN where that is not known."""
-    short_m, long_m = (status.values.get(name) for name in ("shortest_m", "longest_m"))
-    return short_m if isinstance(short_m, float) else math.nan, long_m if isinstance(long_m, float) else math.nan
+def _reach(status: Status) -> tuple[float, float]:
+    """From where to where it reaches, a wire at its load [m], a joint with its tension [rad]; NaN where that is not
+    known."""
+    ends = ("lowest_rad", "highest_rad") if is_joint(status) else ("shortest_m", "longest_m")
+    low, high = (status.values.get(name) for name in ends)
+    return low if isinstance(low, float) else math.nan, high if isinstance(high, float) else math.nan
 
 
 def _of_joint(client: NodeClient, args) -> _Motion:
@@ -220,9 +227,8 @@ def _send(client: NodeClient, motion: _Motion, args) -> float:
         if status.mode is Mode.OFF or _refused(status):
             raise UserError(client.words(f"{client.full_name}: {status.message}"))
         state = client.latest("joint_states", 1.0)
-        beyond = "" if is_joint(status) else beyond_words(motion.asked, status)
-        short_m, long_m = _reach_m(status)
-        aim = min(max(motion.asked, short_m), long_m) if beyond else motion.asked
+        beyond, (low, high) = beyond_words(motion.asked, status), _reach(status)
+        aim = min(max(motion.asked, low), high) if beyond else motion.asked
         if state is None or not abs(state.position[0] - aim) <= motion.near:
             standing = Standing()
         elif standing.seen((state.header.stamp.sec, state.header.stamp.nanosec), now_s):
