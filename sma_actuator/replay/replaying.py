@@ -116,10 +116,10 @@ def replay(
         if LIVE not in log:
             require_reference(log)
         # Every model with its own calibrations of circuit and load cell, and its own effects on them.
-        found = {
-            n: estimate(make_experiment(log, config, with_reference=False), config) for n, config in models.items()
-        }
-        experiment = make_experiment(log, first, with_reference=False).through(next(iter(found.values())))
+        made = {n: make_experiment(log, config, with_reference=False) for n, config in models.items()}
+        found = {n: estimate(made[n], config) for n, config in models.items()}
+        of_first = next(iter(made.values()))
+        experiment = of_first.through(next(iter(found.values())))
         estimates = {name: e.displacement_m for name, e in found.items()}
         estimates.update({baseline.name: _where_read(baseline, experiment) for baseline in baselines})
         errors = {
@@ -129,14 +129,13 @@ def replay(
             for n, e in estimates.items()
         }
         live = _from_live(experiment, estimates[next(iter(models))])
-        out.append(Replay(experiment, estimates, errors, *live, _judged_percent(experiment.log, first)))
+        out.append(Replay(experiment, estimates, errors, *live, _judged_percent(of_first, first)))
         progress(1.0 - 0.2 * (1.0 - (i + 1) / len(logs)))
     return out
 
 
-def _judged_percent(log: BenchLog, config: Config) -> float:
+def _judged_percent(experiment: Experiment, config: Config) -> float:
     """The error that a calibration would have of a log."""
-    experiment = make_experiment(log, config, with_reference=False)
     judged = Chain(config).judge(experiment.signals)
     away_m = np.abs(judged.displacement_m - experiment.through(judged).displacement_m)[experiment.judged]
     away_m = away_m[np.isfinite(away_m)]
