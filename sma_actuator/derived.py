@@ -196,10 +196,15 @@ def _settle_supply(wire: Wire, loss_W_K: float, given: Any, settle: Any) -> floa
     total_Ohm = wire.resistance_Ohm(LARGEST_RESISTIVITY_Ohm_m) + sense_Ohm + leads_Ohm
     settle(
         "supply.max_voltage",
-        max(math.ceil(12.5 * most_A * total_Ohm) / 10.0, 0.1),
+        max(compliance_V(most_A * total_Ohm), 0.1),
         f"max_current through wire, sense resistor and leads, {total_Ohm:.3g} Ω, and a quarter more",
     )
     return steady_A(derate_C)
+
+
+def compliance_V(wanted_V: float) -> float:
+    """What a supply is to have [V] where a circuit wants so much: a quarter more, in tenths of a volt."""
+    return math.ceil(12.5 * wanted_V) / 10.0
 
 
 def not_survived(wire: Wire, supply: SupplyParameters, thermal: ThermalParameters) -> str:

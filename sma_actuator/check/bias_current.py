@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from sma_actuator.base.signals import Reading, SupplyState
-from sma_actuator.derived import LEADS_Ohm
+from sma_actuator.derived import LEADS_Ohm, compliance_V
 from sma_actuator.estimation.circuit import signals_from_reading
 from sma_actuator.safety.alive import RARE
 from sma_actuator.safety.guards.supply import SETTING_TOLERANCE_A
@@ -285,7 +285,7 @@ def _compliance(probe: Probe, reading: Reading) -> None:
             f"{config.supply.max_voltage / circuit_Ohm:.3g} A through wire, leads and sense resistor, "
             f"{circuit_Ohm:.3g} Ω, and the driver switches off where it asks for supply.max_current, "
             f"{config.supply.max_current:g} A, in vain: write supply.max_voltage: "
-            f"{math.ceil(12.5 * wanted_V) / 10.0:g}, or less for supply.max_current",
+            f"{compliance_V(wanted_V):g}, or less for supply.max_current",
             Level.WARNING,
         )
 
