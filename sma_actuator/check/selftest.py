@@ -11,8 +11,9 @@ from collections.abc import Callable
 from sma_actuator.config import BenchConfig
 from sma_actuator.instruments import Clock, Daq, InstrumentError, PowerSupply
 
-from .bias_current import at_bias, at_more, between, heat
+from .bias_current import at_bias
 from .found import Found
+from .more_current import at_more, between, heat
 from .output_off import at_rest, displacement, gains, identity, limits, speed
 from .probe import Ends, Probe
 from .watchdog import watchdog
