@@ -27,7 +27,7 @@ class Output:
         current_A = min(self.set_A, self.set_V / self.load_Ohm) if self.on else 0.0
         voltage_V = current_A * self.load_Ohm
         if self.on:
-            if voltage_V + self.surge_V > self.ovp_V:
+            if self.ovp_on and voltage_V + self.surge_V > self.ovp_V:
                 self.tripped.add("OVP")
             if current_A + self.surge_A > self.ocp_A or (self.trips_in_cc and self.set_A < self.set_V / self.load_Ohm):
                 self.tripped.add("OCP")
@@ -445,6 +445,49 @@ class Hmp(Family):
         self.out.on = self.selected and self.general
 
 
+class Nge(Hmp):
+    """NGE103B: as an HMP, but VOLT:PROT is the switch of the over-voltage trip and VOLT:PROT:LEV its value."""
+
+    identity = "Rohde&Schwarz,NGE103B,5601.3800k03/101863,1.54"
+    switches, least_A = ("SEL", "GEN"), 0.0
+
+    def __init__(self):
+        super().__init__()
+        self.out.ovp_on = False
+
+    def commands(self):
+        own, general = self.switches
+        theirs = [
+            command for command in super().commands() if not command[0].startswith(("VOLT:PROT", "OUTP", "CURR "))
+        ]
+        return [
+            *theirs,
+            (rf"CURR {NUMBER}", self.set_current),
+            (r"VOLT:PROT (ON|OFF|1|0)", self.set("ovp_on", ON_OFF.__getitem__)),
+            (r"VOLT:PROT\?", lambda: str(int(self.out.ovp_on))),
+            (rf"VOLT:PROT:LEV {NUMBER}", self.set("ovp_V")),
+            (r"VOLT:PROT:LEV\?", self.get("ovp_V", "{:.3E}")),
+            (r"VOLT:PROT:CLE", self.out.clear),
+            (r"VOLT:PROT:TRIP\?", self.trip("OVP")),
+            (rf"OUTP:{own} (ON|OFF)", lambda text: self.switch("selected", text)),
+            (rf"OUTP:{general} (ON|OFF)", lambda text: self.switch("general", text)),
+            (rf"OUTP:{own}\?", lambda: str(int(self.selected))),
+        ]
+
+    def set_current(self, text):
+        if float(text) < self.least_A:
+            self.errors.append('-222,"Data out of range"')
+        else:
+            self.out.set_A = float(text)
+
+
+class Hmc(Nge):
+    """HMC8043: other words for the two switches, and no 0 A."""
+
+    identity = "Rohde&Schwarz,HMC8043,023456789,HW42000000/SW01.400"
+    switches, least_A = ("CHAN", "MAST"), 0.0005
+
+
 class Itech(Family):
     """IT6833A on a serial line: deaf until remote."""
 
@@ -547,6 +590,8 @@ FAMILIES = {
     "agilent_66xx": Agilent66xx,
     "hp_663xa": Hp663xA,
     "rs_hmp": Hmp,
+    "rs_nge100": Nge,
+    "rs_hmc804x": Hmc,
     "itech_it6800": Itech,
     "bk_9115": BK9115,
     "keithley_2400": Keithley2400,
