@@ -352,7 +352,8 @@ def without_derived(mapping: Mapping[str, Any]) -> tuple[dict[str, Any], list[st
     for name, found in derived(mapping).items():
         section, _, key = name.partition(".")
         of_instruments = section == "loop" or name == "safety.reading_timeout"
-        if not of_instruments and not _lacks(out, name) and out.get(section, {}).get(key) == found.value:
+        inside = out.get(section)
+        if not of_instruments and isinstance(inside, Mapping) and inside.get(key) == found.value:
             del out[section][key]
             names.append(name)
     return out, names

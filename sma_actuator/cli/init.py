@@ -6,6 +6,7 @@ What follows from the answers (limits, trips, gains, thresholds) is derived, and
 from __future__ import annotations
 
 import argparse
+import contextlib
 import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -37,7 +38,7 @@ from sma_actuator.console import (
     write_json,
 )
 from sma_actuator.console.asking import Asking, read_answers
-from sma_actuator.derived import LARGEST_RESISTIVITY_Ohm_m, derived
+from sma_actuator.derived import LARGEST_RESISTIVITY_Ohm_m, derived, without_derived
 from sma_actuator.estimation.circuit import Circuit
 from sma_actuator.instruments.dialect import FOLDER, Dialect
 from sma_actuator.instruments.scpi import abilities_of
@@ -274,6 +275,8 @@ def run(args: argparse.Namespace) -> int:
     refuse_to_overwrite(args, args.out)
     console = notes(args)
     mapping = read_parameter_file(args.start) if args.start else {}
+    with contextlib.suppress(ConfigError):  # of a wire that is not known yet nothing follows
+        mapping, _ = without_derived(mapping)  # so that limits and gains are of what is answered now
     answers = _answers(args)
     if "wire.length" in answers and _get(mapping, "wire.form") is None:  # who says the size says the form too
         answers.setdefault(
