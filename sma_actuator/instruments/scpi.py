@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from math import isfinite, nan
 from typing import Any
@@ -11,7 +12,7 @@ import numpy as np
 
 from sma_actuator.base.signals import Reading, SupplyState
 
-from . import Clock, InstrumentRefused, LimitsNotHeld, OutputStaysOn, WatchdogNotHeld
+from . import Clock, InstrumentError, InstrumentRefused, LimitsNotHeld, OutputStaysOn, WatchdogNotHeld
 from .byte_streams import Manner
 from .channels import Channels
 from .claim import Claim
@@ -54,11 +55,32 @@ def _no_errors(session: Session, dialect: Dialect, queries: Mapping[str, Query])
     """Raise InstrumentRefused where the instrument's error queue holds anything."""
     if (query := queries.get("error")) is None:
         return
-    code, reply = session.ask_for(query.text, lambda reply: (query.code(reply), reply))
+    told, (code, reply) = session.told, _error(session, query)
     if code != 0:
         raise InstrumentRefused(
-            f"{session.name}: refused its configuration: {reply}; is the dialect '{dialect.path.stem}' the right one?"
+            f"{session.name}: refused its configuration: {_to_which(session, query, told) or reply}; is the dialect "
+            f"'{dialect.path.stem}' the right one?"
         )
+
+
+def _error(session: Session, query: Query) -> tuple[float, str]:
+    """The next of its error queue, and in its own words."""
+    return session.ask_for(query.text, lambda reply: (query.code(reply), reply))
+
+
+def _to_which(session: Session, query: Query, told: Sequence[str]) -> str:
+    """What it says, and to which of the lines ``told``; empty where that is not to be found out.
+
+    The output is off, so they can be told once more, one by one.
+    """
+    with suppress(InstrumentError):
+        if any(_error(session, query)[0] == 0 for _ in range(_ERRORS_QUEUED)):
+            for line in told:
+                session.tell(line)
+                code, reply = _error(session, query)
+                if code != 0:
+                    return f"{reply} to '{line}'"
+    return ""
 
 
 def _read_back(dialect: Dialect) -> frozenset[str]:

@@ -203,6 +203,11 @@ class Session:
                     self._hear_acknowledgement(line, by_s)
                 self._told.append(line)
 
+    @property
+    def told(self) -> tuple[str, ...]:
+        """Lines that have no answer, told since the last question."""
+        return tuple(self._told)
+
     def tell_blind(self, *lines: str) -> None:
         """Send lines, whatever is answered to them."""
         with self.lock:

@@ -192,7 +192,23 @@ class TestSupply:
         server.replies[":SYST:ERR?"] = '-350,"Queue overflow"'
         with pytest.raises(InstrumentRefused, match="refused its configuration: -350"):
             one.open()
-        assert server.lines.count(":SYST:ERR?") == 20 + 1
+        assert server.lines.count(":SYST:ERR?") == 20 + 1 + 20  # and as many before it is asked which line it was
+
+    def test_the_line_that_a_supply_refuses_is_named(self, supply):
+        one, server = supply(lambda document: document["commands"].update(set_current=":CURR {value:.4f}"))
+        refused = []
+        server.replies[":CURR 0.0000"] = lambda: refused.append('-222,"Data out of range"')
+        server.replies[":SYST:ERR?"] = lambda: refused.pop(0) if refused else '0,"No error"'
+        with pytest.raises(InstrumentRefused, match="-222,\"Data out of range\" to ':CURR 0.0000'; is the dialect"):
+            one.open()
+        assert ":OUTP ON" not in server.lines
+
+    def test_a_refusal_that_does_not_come_again_is_told_as_it_was_said(self, supply):
+        one, server = supply()
+        said = ['-222,"Data out of range"']
+        server.replies[":SYST:ERR?"] = lambda: said.pop(0) if said else '0,"No error"'
+        with pytest.raises(InstrumentRefused, match='refused its configuration: -222,"Data out of range"; is the'):
+            one.open()
 
     def test_errors_of_others_are_read_away_until_there_is_none(self, supply):
         one, server = supply(lambda document: document["commands"].update(clear_status=None))
@@ -417,6 +433,14 @@ class TestDaq:
         one, server = daq()
         server.replies["SYST:ERR?"] = '-222,"Data out of range"'
         with pytest.raises(InstrumentRefused, match="refused its configuration: -222"):
+            one.open()
+
+    def test_the_line_that_a_daq_refuses_is_named(self, daq):
+        one, server = daq()
+        refused = []
+        server.replies["SAMP:COUN 50"] = lambda: refused.append('-113,"Undefined header"')
+        server.replies["SYST:ERR?"] = lambda: refused.pop(0) if refused else '0,"No error"'
+        with pytest.raises(InstrumentRefused, match="-113,\"Undefined header\" to 'SAMP:COUN 50'; is the dialect"):
             one.open()
 
     def test_another_instrument_is_refused_and_given_up(self, daq):
