@@ -274,6 +274,14 @@ def _cross_checks(common: BenchConfig) -> list[str]:
         )
     if common.instruments.daq.read_twice:
         problems.append(common.instruments.daq.read_twice)
+    problems += [
+        f"{name}: 0 {per} makes the same of every voltage; what one {per[-1]} means is wanted"
+        for name, slope, per in (
+            ("load_cell.slope", common.load_cell.slope, "N/V"),
+            ("reference_sensor.slope", common.reference_sensor.slope, "m/A"),
+        )
+        if slope == 0.0
+    ]
     if not safety.resistance_min < safety.resistance_max:
         problems.append("safety.resistance_min: is not below safety.resistance_max")
     if not common.thermal.derate_temperature < common.thermal.max_temperature:

@@ -185,11 +185,14 @@ def _settle_supply(wire: Wire, loss_W_K: float, given: Any, settle: Any) -> floa
         f"for ever in still air of {ambient_C:g} °C: {derate_C:g} °C (derate_temperature), by I² · {hot_Ohm:.3g} Ω / "
         f"{loss_W_K:.3g} W/K{more}",
     )
+    survived_A = steady_A(hottest_C, times)
     settle(
         "supply.over_current_trip",
-        max(steady_A(hottest_C, times), most_A),
+        max(survived_A, most_A),
         f"for ever in still air of {ambient_C:g} °C: {hottest_C:g} °C, {_TRIP_HEADROOM_K:g} K below max_temperature"
-        f"{more}",
+        f"{more}"
+        if survived_A >= most_A
+        else f"no less than max_current: more than the {survived_A:g} A that the wire survives for ever in still air",
     )
     sense_Ohm, leads_Ohm = given("circuit.reference_resistance", 0.0), given("circuit.lead_resistance", LEADS_Ohm)
     sense_Ohm = 0.0 if math.isnan(sense_Ohm) else sense_Ohm

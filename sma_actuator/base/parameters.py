@@ -238,10 +238,9 @@ def _wanted(declaration: Declaration, kind: str) -> str:
 
 def _is_number(text: str) -> bool:
     try:
-        float(text)
+        return math.isfinite(float(text))
     except ValueError:
         return False
-    return True
 
 
 def look_up(cls: type, name: str, prefix: str = "") -> tuple[Declaration, str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -96,7 +97,7 @@ def _of_the_plan(group: argparse._ArgumentGroup) -> None:
     )
     group.add_argument(
         "--spring",
-        type=_numbers,
+        type=_spring,
         action="append",
         default=[],
         metavar="N/m,N",
@@ -343,3 +344,12 @@ def _numbers(text: str) -> tuple[float, ...]:
         return tuple(float(word) for word in text.split(","))
     except ValueError:
         raise argparse.ArgumentTypeError(f"'{text}' is not a list of numbers separated by commas") from None
+
+
+def _spring(text: str) -> tuple[float, float]:
+    numbers = _numbers(text)
+    if len(numbers) != 2 or not all(0.0 < number < math.inf for number in numbers):
+        raise argparse.ArgumentTypeError(
+            f"'{text}' is no spring; stiffness and preload, both above zero, are wanted, as 100,0.5"
+        )
+    return numbers[0], numbers[1]

@@ -56,6 +56,13 @@ def test_a_wrong_value_is_refused_with_its_name_and_what_is_wanted(value, kind, 
     assert words in check("a", value, LENGTH, kind)[1]
 
 
+@pytest.mark.parametrize("text", ["NaN", "inf"])
+def test_a_text_that_no_decimal_point_makes_a_number_gets_no_such_advice(text):
+    assert check("a", text, LENGTH, "float")[1].endswith(
+        f"'{text}' is not a number; 0 to 1 m is wanted (length of the wire)"
+    )
+
+
 NAME = Declaration("name of the joint", hi=LONGEST_NAME)
 
 

@@ -182,6 +182,20 @@ def test_answers_may_stand_in_a_file_with_any_other_parameter(tmp_path, capsys):
     assert "wire.lenght: no such parameter; did you mean wire.length?" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("load_cell.slope", "load_cell.slope: 0 N/V makes the same of every voltage; what one V means is wanted"),
+        ("reference_sensor.slope", "reference_sensor.slope: 0 m/A makes the same of every"),
+    ],
+)
+def test_a_sensor_that_would_tell_nothing_is_refused(tmp_path, capsys, name, said):
+    """`check` ended in a traceback at a load cell of 0 N/V."""
+    words = [word for each in {**ANSWERS, name: "0"}.items() for word in ("--set", "=".join(each))]
+    assert main(["init", *words, "--out", str(tmp_path / "bench.yaml")]) == 1
+    assert said in " ".join(capsys.readouterr().err.split())
+
+
 def test_one_channel_for_two_voltages_is_refused_with_both_parameters(tmp_path, capsys):
     answers = {**ANSWERS, "instruments.daq.reference_voltage_channel": "101"}
     words = [word for name, text in answers.items() for word in ("--set", f"{name}={text}")]
@@ -275,6 +289,14 @@ def test_a_slow_loop_gets_the_times_that_it_wants(tmp_path, rate_Hz, timeout_s, 
     written = read_parameter_file(tmp_path / "bench.yaml")
     assert written["safety"].get("reading_timeout") == reading_timeout_s
     assert written["supply"]["watchdog_timeout"] == watchdog_s
+
+
+def test_a_trip_above_a_given_current_says_that_the_wire_does_not_survive_it():
+    """It said that this was the current of 195 °C."""
+    wire = {"alloy": "ni-ti", "length": 0.1, "diameter": 150e-6}
+    survived = derived({"wire": wire, "supply": {"watchdog_timeout": 0.0}})["supply.over_current_trip"]
+    trip = derived({"wire": wire, "supply": {"watchdog_timeout": 0.0, "max_current": 2.0}})["supply.over_current_trip"]
+    assert trip.value == 2.0 and f"more than the {survived.value:g} A that the wire survives" in trip.why
 
 
 @pytest.mark.parametrize("times", [0.6, 1.0, 1.2, 1.9, 30.0])

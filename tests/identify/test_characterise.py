@@ -874,6 +874,15 @@ def test_a_wire_is_measured_and_followed_up_to_what_it_may_be_driven_with(most_P
     assert np.searchsorted(stresses_Pa, between_Pa).tolist() == [1, 3, 5, 6] and heaviest_Pa == stresses_Pa[-1]
 
 
+@pytest.mark.parametrize("spring", ["100", "100,0.5,0.004", "0,0.5", "100,-1", "nan,0.5"])
+def test_what_is_no_spring_is_refused_with_what_is_one(capsys, spring):
+    with pytest.raises(SystemExit):
+        main(["characterise", "--virtual", "flexinol", "--out", "nowhere", f"--spring={spring}"])
+    assert f"'{spring}' is no spring; stiffness and preload, both above zero" in " ".join(
+        capsys.readouterr().err.split()
+    )
+
+
 def test_too_few_masses_for_a_load_cell_are_refused_before_anything_is_measured():
     bench = bench_from_mapping(bench_mapping("flexinol"))
     with pytest.raises(ConfigError, match=r"masses: 2 are too few to calibrate a load cell; 3 different ones"):
