@@ -34,10 +34,11 @@ from .surroundings import UNMEASURED_K
 
 #: What is remembered: the martensite's share of the stroke, smooth; how much longer the wire was in the beginning [m],
 #: half of a 95 % interval of that [m], and how sure it is, 0 to 1; of a cold wire how many readings of its resistance
-#: were taken, and by how much they are more than usual, mean [Ω].  Where each part goes in its share: what is left of
-#: the beginning, and the length of what has formed [m].  Where the last goes first: what is left of the beginning, the
-#: lowest share since, and the stroke under the load that each layer formed under [m], the first that formed at first.
-_SHARE, _BEGAN_m, _UNSURE_m, _SURE, _READINGS, _MORE_Ohm, _LEFT, _MIXED_m, _LOWEST, _FORMED_m = range(10)
+#: were taken, by how much they are more than usual, mean [Ω], and how warm it was then, at the least [K].  Where each
+#: part goes in its share: what is left of the beginning, and the length of what has formed [m].  Where the last goes
+#: first: what is left of the beginning, the lowest share since, and the stroke under the load that each layer formed
+#: under [m], the first that formed at first.
+_SHARE, _BEGAN_m, _UNSURE_m, _SURE, _READINGS, _MORE_Ohm, _READ_AT_K, _LEFT, _MIXED_m, _LOWEST, _FORMED_m = range(11)
 LAYERS = 20  #: as fine as a share is followed, twice its play
 REMEMBERED = _FORMED_m + LAYERS
 #: So far may the share go to and fro before it counts: noise is no transformation.
@@ -171,6 +172,21 @@ def follow(share: float, stress_Pa: float, ends: np.ndarray, known: np.ndarray, 
 def told(state: Floats) -> bool:
     """Whether the wire is still wholly martensite, as it began, whose length was told by its resistance."""
     return state[_READINGS] > 0.0 and state[_LOWEST] >= 1.0 - PLAY
+
+
+@jit
+def no_warmer(rise_K: float, state: Floats) -> bool:
+    """Whether a wire that is ``rise_K`` above its surroundings is no warmer than it was read before; what was read of
+    one that was warmer counts no more.
+
+    Held warm it rests as well, and its resistance has risen: for 14 K as if the wire were half a per cent longer.
+    """
+    if state[_READINGS] > 0.0 and rise_K > state[_READ_AT_K] + RESTS_K:
+        return False
+    if rise_K < state[_READ_AT_K] - RESTS_K:
+        state[_READINGS] = state[_MORE_Ohm] = 0.0
+    state[_READ_AT_K] = min(rise_K, state[_READ_AT_K]) if state[_READINGS] > 0.0 else rise_K
+    return True
 
 
 @jit

@@ -190,6 +190,7 @@ def _of_other_loads(
     resistance: float,
     stress: float,
     other_K: float,
+    rise_K: float,
     rests_cold: bool,
     first: bool,
     oriented: Floats,
@@ -197,7 +198,7 @@ def _of_other_loads(
     n: Numbers,
 ) -> float:
     """What of the resistance is of martensite that formed under another load [Ω], which a cold wire at rest tells."""
-    if rests_cold and (first or orientation.told(oriented)):
+    if rests_cold and (first or orientation.told(oriented)) and orientation.no_warmer(rise_K, oriented):
         orientation.tell(resistance, stress, other_K, usual, n.ends, n.martensite, oriented)
     if first and not orientation.told(oriented):
         return 0.0
@@ -270,7 +271,7 @@ def advance(
         rise = heat_rise(rested, n.thermal) if first else temperature_of(n.thermal, state) - ambient
         warms = heat_rise(power, n.thermal) - rise  # more than at rest: then its resistance is its heat's too
         rests_cold = rise < orientation.COLD_K and abs(warms) < orientation.RESTS_K
-        resistance -= _of_other_loads(resistance, stress, other_K, rests_cold, first, oriented, usual, n)
+        resistance -= _of_other_loads(resistance, stress, other_K, rise, rests_cold, first, oriented, usual, n)
     resistance = at_usual_load_now(resistance, stress, n.resistances)
     step = 0.0 if first else max(time - state[TIME_AT], 0.0)
     rise_K = off_K = 0.0

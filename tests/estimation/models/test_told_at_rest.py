@@ -67,3 +67,21 @@ def test_resistance_tells_the_length_of_a_wire_that_rests(observe, power_W):
     for step in range(20, 40):
         longer_m = observe(0.05 * step, 1.02 * COLD_Ohm, power_W)
     assert (longer_m == 0.0) is (power_W > BIAS_W)
+
+
+@pytest.mark.parametrize("warmer_K", [0.5 * RESTS_K, 4.0 * RESTS_K])
+def test_one_that_is_held_warm_is_no_longer_for_that(observe, warmer_K):
+    """It comes to rest there, and its resistance stays 1 % higher: as in a room where it is 14 K warmer."""
+    power_W = LOSS_W_K * warmer_K + BIAS_W
+    observe(0.0, COLD_Ohm, BIAS_W)
+    for step in range(1, 400):
+        longer_m = observe(0.05 * step, 1.01 * COLD_Ohm, power_W)
+    assert (longer_m == 0.0) is (warmer_K > RESTS_K)
+
+
+def test_what_is_read_of_it_once_it_has_cooled_counts_alone(observe):
+    """It was held warm as the log began."""
+    for step in range(800):
+        warm = step < 400
+        longer_m = observe(0.05 * step, (1.01 if warm else 1.0) * COLD_Ohm, LOSS_W_K * 12.0 if warm else BIAS_W)
+        assert warm or step < 500 or longer_m == 0.0
