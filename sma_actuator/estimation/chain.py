@@ -120,6 +120,7 @@ class Judged(Estimates):
     """The same of a log that is held against a reference sensor."""
 
     elapsed_s: np.ndarray  #: since the session began
+    before_s: float  #: how long the sessions before it lasted
     shown_m: np.ndarray  #: displacement that the reference sensor should show, likewise
 
 
@@ -302,9 +303,9 @@ class Chain:
         """Whether the model follows the wire to both ends of its stroke at any load."""
         return self._thermal is not None
 
-    def begin_session(self) -> None:
-        """Forget everything: the next sample is the first of a session."""
-        self._start_s = nan
+    def begin_session(self, before_s: float = 0.0) -> None:
+        """Forget everything: the next sample is the first of a session, after others that lasted ``before_s``."""
+        self._start_s, self._before_s = nan, before_s
         self._undriven = False  #: at the last sample
         for _, _, state in self._effects:
             state[:] = nan
@@ -432,6 +433,7 @@ class Chain:
         }
         if judged:
             out["elapsed_s"] = np.asarray(signals.time_s) - self._start_s
+            out["before_s"] = self._before_s
             out["shown_m"] = np.full(n, nan)
         undriven = np.broadcast_to(np.isnan(signals.power_W) & np.isfinite(signals.current_A), n)
         if good.any():
@@ -539,7 +541,7 @@ class Chain:
             self._begin(signals.time_s)
         if not self._effects:
             return signals, None
-        frame = Frame.of(signals, self._start_s)
+        frame = Frame.of(signals, self._start_s, self._before_s)
         if not self._measured:
             return signals, frame
         frame.load_N = frame.load_N + signals.tare_N  # what the load cell shows is what its faults act on

@@ -213,7 +213,7 @@ def likeliest(
     for name, when in end.time.items():
         # The size is known now, so the time may be another beside the one that the scan found.
         ((what, time_s),) = when.items()
-        near = [{name: {what: time_s + share * evidence.logs.duration_s}} for share in BESIDE_IT]
+        near = [{name: {what: time_s + share * evidence.logs.together_s}} for share in BESIDE_IT]
         best = min((search.begin(end.u, other) for other in near), key=lambda one: one.cost)
         if best.cost < end.cost:
             end = search.descend(best)
@@ -231,15 +231,15 @@ def likeliest(
 
 def _scan(search: _Search, candidate: Candidate, u: np.ndarray) -> list[float]:
     """When something that happens once does best beside all that else is free, and some other times that do nearly as
-    well.  Returns seconds since the session began."""
+    well.  Returns seconds of the sessions one after the other."""
     times_s, gain = _over_time(search, candidate, u)
     best = np.argsort(-gain)
-    return _apart((float(times_s[i]) for i in best), TIMES_APART * search.problem.evidence.logs.duration_s)
+    return _apart((float(times_s[i]) for i in best), TIMES_APART * search.problem.evidence.logs.together_s)
 
 
 def _over_time(search: _Search, candidate: Candidate, u: np.ndarray, *more_s: float) -> tuple[np.ndarray, np.ndarray]:
-    """At many times, and ``more_s``, what something that happens once takes off the squares if it did then [s since the
-    session began, 1].
+    """At many times, and ``more_s``, what something that happens once takes off the squares if it did then [s of the
+    sessions one after the other, 1]; between two of them as well.
 
     Its size is linear in the rows, so every time is tried on one residual.
     """
@@ -250,15 +250,18 @@ def _over_time(search: _Search, candidate: Candidate, u: np.ndarray, *more_s: fl
     nothing, probe = changed(u, size, 0.0), changed(u, size, PROBE)
     at = problem.residual(nothing)
     there, here = (evidence.compare(problem.effects(values)).off for values in (probe, nothing))
+    logs = evidence.logs
     elapsed_s = np.concatenate(
-        [p.elapsed_s[rows] for p, rows in zip(evidence.predict({}), evidence.logs.compared, strict=True)]
+        [p.before_s + p.elapsed_s[rows] for p, rows in zip(evidence.predict({}), logs.compared, strict=True)]
     )
     # A row of another witness is as old as the middle of its unit.
     of_sample, of_other = np.split(evidence.unit_of_row, [len(elapsed_s)])
     number = np.maximum(np.bincount(of_sample, minlength=evidence.units), 1)
     when_s = np.append(elapsed_s, (np.bincount(of_sample, elapsed_s, minlength=evidence.units) / number)[of_other])
     # Within the first or last 3 % it is an offset, or nothing.
-    times_s = np.append(np.quantile(elapsed_s, np.linspace(TIMES_APART, 1.0 - TIMES_APART, TRIED)), more_s)
+    between_s = np.unique(logs.before_s)[1:]
+    times_s = np.quantile(elapsed_s, np.linspace(TIMES_APART, 1.0 - TIMES_APART, TRIED))
+    times_s = np.concatenate((times_s, between_s, more_s))
     moved = (there - here)[:, None] / PROBE * (when_s[:, None] >= times_s)
     slopes = problem.jacobian(nothing, at)[:, others]
     return times_s, search.gains(at, slopes, moved, u, others)

@@ -39,6 +39,7 @@ class Prediction:
     heat_W: np.ndarray  #: what of it the calibration's heat balance sees
     stress_Pa: np.ndarray
     elapsed_s: np.ndarray
+    before_s: float  #: how long the sessions before this one lasted
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +84,7 @@ class Where:
             heat_W=p.heat_W[kept],
             stress_Pa=p.signals.stress_Pa[kept],
             elapsed_s=p.elapsed_s[kept],
+            before_s=p.before_s,
         )
 
     def _through(self, displacement_m: np.ndarray, steady: bool = False, beyond_the_load: bool = False) -> np.ndarray:
@@ -101,7 +103,7 @@ class Where:
         if not acts:
             return displacement_m
         found = self.found
-        frame = Frame.of(found.signals, float(found.time_s[0] - found.elapsed_s[0]))
+        frame = Frame.of(found.signals, float(found.time_s[0] - found.elapsed_s[0]), found.before_s)
         frame.heating, frame.cycles = found.branch.astype(bool), np.ones(len(displacement_m))
         frame.displacement_m = displacement_m.copy()
         for act, state, steadily in acts:

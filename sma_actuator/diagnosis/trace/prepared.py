@@ -95,8 +95,9 @@ class Prepared:
 
         Between two logs of a session nobody saw the wire: only its position is forgotten.
         """
-        for (signals, _), begins in zip(self.seen, self.begins, strict=True):
-            chain.begin_session() if begins else chain.reset()
+        sessions = zip(self.seen, self.begins, self.before_s, strict=True)
+        for (signals, _), begins, before_s in sessions:
+            chain.begin_session(before_s) if begins else chain.reset()
             yield chain.judge(given(signals))
 
     @property
@@ -122,8 +123,23 @@ class Prepared:
     @property
     def duration_s(self) -> float:
         """Length of the longest session."""
+        return max(self._sessions_last_s)
+
+    @property
+    def together_s(self) -> float:
+        """Length of all sessions, one after the other."""
+        return sum(self._sessions_last_s)
+
+    @property
+    def before_s(self) -> list[float]:
+        """Of every log, how long the sessions before its own lasted."""
+        before_s = [0.0, *itertools.accumulate(self._sessions_last_s)]
+        return [before_s[number] for number, on in enumerate(self.sessions) for _ in on]
+
+    @property
+    def _sessions_last_s(self) -> list[float]:
         time_s = [t.signals.time_s for t in self.experiments]
-        return max(float(time_s[on[-1]][-1] - time_s[on[0]][0]) for on in self.sessions)
+        return [float(time_s[on[-1]][-1] - time_s[on[0]][0]) for on in self.sessions]
 
 
 def _settled(experiment: Experiment, time_constant_s: float, thin: int) -> list[Rest]:

@@ -62,13 +62,15 @@ class Frame:
     power_W: np.ndarray
     load_N: np.ndarray
     ambient_C: np.ndarray
+    before_s: float = 0.0  #: how long the sessions before this one lasted
     heating: np.ndarray = None  # type: ignore[assignment]  # not yet
     displacement_m: np.ndarray = None  # type: ignore[assignment]
     cycles: np.ndarray = None  # type: ignore[assignment]
 
     @classmethod
-    def of(cls, signals: Signals, start_s: float) -> Frame:
-        """The frame of n samples (arrays) or of one (floats) of a session that began at ``start_s``."""
+    def of(cls, signals: Signals, start_s: float, before_s: float = 0.0) -> Frame:
+        """The frame of n samples (arrays) or of one (floats) of a session that began at ``start_s``, after others that
+        had lasted ``before_s``."""
         return cls(
             elapsed_s=np.maximum(np.atleast_1d(signals.time_s) - start_s, 0.0),  # a clock may be set back
             resistance_Ohm=np.atleast_1d(signals.resistance_Ohm),
@@ -76,6 +78,7 @@ class Frame:
             power_W=np.atleast_1d(signals.power_W),
             load_N=np.atleast_1d(signals.load_N),
             ambient_C=np.atleast_1d(signals.ambient_temperature_C),
+            before_s=before_s,
         )
 
     def rows(self, chosen: np.ndarray) -> Frame:

@@ -24,11 +24,11 @@ class Slip(Effect):
     TELL_TALE = "time_s"
     SCANNED = "time"
     length: float = parameter(0.0, "length that slipped through", "m", -1.0, 1.0)
-    time: float = parameter(0.0, "when, since the session began", "s", 0.0, 1e9)
+    time: float = parameter(0.0, "when, in the sessions one after the other", "s", 0.0, 1e9)
 
     def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """Add the length from then on."""
-        frame.displacement_m = frame.displacement_m + self.length * (frame.elapsed_s >= self.time)
+        frame.displacement_m = frame.displacement_m + self.length * (frame.before_s + frame.elapsed_s >= self.time)
 
     @classmethod
     def free(cls, scales: Scales) -> list[Free]:

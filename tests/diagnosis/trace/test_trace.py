@@ -702,13 +702,28 @@ def test_logs_with_clocks_of_their_own_are_sessions_of_their_own(wire, config):
 
 
 def test_several_sessions_of_several_logs_are_told_by_their_clocks(wire, config):
-    """A slip is one time after each session began, and not after each log did."""
+    """A drift begins anew with each session, and not with each log."""
     logs = session(wire[0])
     found = Evidence([*logs, *logs], config)
     assert found.logs.sessions == [[0, 1], [2, 3]]
     begin_s = [float(p.elapsed_s[0]) for p in found.predict({})]
     assert begin_s[0] == begin_s[2] == 0.0 < begin_s[1] == begin_s[3]
     assert found.logs.duration_s == Evidence(logs, config).logs.duration_s
+    assert found.logs.before_s == [0.0, 0.0, found.logs.duration_s, found.logs.duration_s]
+
+
+def test_a_slip_between_two_sessions_is_one_slip(wire, config):
+    """Each of them is straight by itself, and the clock of each begins at nothing."""
+    before, after = session(wire[0])
+    lvdt_A = after["lvdt_current_A"] + 2e-4 / config.reference_sensor.slope
+    after = changed(after, time_s=after["time_s"] - after["time_s"][0], lvdt_current_A=lvdt_A)
+    evidence = Evidence([before, after], config)
+    slip, rows = candidate("slip", scales_of(evidence)), Rows(evidence)
+    found = likeliest(evidence, [slip], rows.usual).values["slip"]
+    assert found["time"] == pytest.approx(evidence.logs.before_s[1], abs=0.01 * evidence.logs.together_s)
+    assert found["length"] == pytest.approx(2e-4, rel=0.2)
+    moved_m = [p.shown_m - p.model_m for p in evidence.predict({"slip": slip.build(found)})]
+    assert [float(m[len(m) // 2]) for m in moved_m] == pytest.approx([0.0, found["length"]], abs=1e-9)
 
 
 # --- bad input -----------------------------------------------------------------------------------
