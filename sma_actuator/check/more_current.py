@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-from sma_actuator.base.signals import Reading
 from sma_actuator.derived import compliance_V
 from sma_actuator.estimation.circuit import signals_from_reading
 from sma_actuator.safety.guards.supply import SETTING_TOLERANCE_A
@@ -59,13 +58,14 @@ def at_more(probe: Probe) -> None:
         )
     else:
         probe.say("linearity", f"the same resistance at {more_A * 1e3:.3g} mA, within {abs(away_Ohm):.2g} Ω")
-        _compliance(probe, reading)
+        circuit_Ohm = config.circuit.reference_resistance * reading.supply_voltage_V / reading.reference_voltage_V
+        _compliance(probe, circuit_Ohm)
+        _ranges(probe, circuit_Ohm)
 
 
-def _compliance(probe: Probe, reading: Reading) -> None:
+def _compliance(probe: Probe, circuit_Ohm: float) -> None:
     """Does the supply's voltage drive the largest current through the cold wire?"""
     config = probe.config
-    circuit_Ohm = config.circuit.reference_resistance * reading.supply_voltage_V / reading.reference_voltage_V
     wanted_V = circuit_Ohm * config.supply.max_current
     if wanted_V > COMPLIANCE * config.supply.max_voltage:
         probe.say(
@@ -77,6 +77,25 @@ def _compliance(probe: Probe, reading: Reading) -> None:
             f"{compliance_V(wanted_V):g}, or less for supply.max_current",
             Level.WARNING,
         )
+
+
+def _ranges(probe: Probe, circuit_Ohm: float) -> None:
+    """Do the channels reach as far as the largest current makes of the cold circuit?"""
+    config = probe.config
+    most_A, ends_V = config.supply.max_current, config.safety.channel_max_voltage
+    for name, each_Ohm in (
+        ("supply_voltage_V", circuit_Ohm),
+        ("reference_voltage_V", config.circuit.reference_resistance),
+    ):
+        if each_Ohm * most_A >= ends_V:
+            probe.say(
+                "range",
+                f"the channel of the {WORDS[name]} comes to {each_Ohm * most_A:.3g} V at supply.max_current, "
+                f"{most_A:g} A, and ends at {ends_V:g} V by safety.channel_max_voltage, where the driver switches off: "
+                "give it a larger range in the DAQ's dialect and write that, or supply.max_current: "
+                f"{math.floor(0.99e3 * ends_V / each_Ohm) / 1e3:g}, or less",
+                Level.WARNING,
+            )
 
 
 def between(probe: Probe) -> None:

@@ -520,3 +520,12 @@ def test_a_compliance_voltage_too_low_for_the_cold_circuit_is_seen(max_V, writte
     said = [each for each in stand.found if each.part == "voltage"]
     assert [each.level for each in said] == ([Level.WARNING] if written else [])
     assert all(f"write supply.max_voltage: {written}" in each.sentence for each in said) and not stand.wrong
+
+
+@pytest.mark.parametrize(("ends_V", "most_A"), [(10.0, None), (2.5, "0.37")])
+def test_a_channel_too_short_for_the_largest_current_is_seen_before_the_wire_is_driven(ends_V, most_A):
+    """A long thin wire passed at the bias, and was switched off by the first pulse: 0.4 A through 6.6 Ω are 2.6 V."""
+    stand = Stand(lambda stand: stand.change(safety__channel_max_voltage=ends_V))
+    said = [each for each in stand.found if each.part == "range"]
+    assert [each.level for each in said] == ([Level.WARNING] if most_A else [])
+    assert all(f"supply.max_current: {most_A}" in each.sentence for each in said) and not stand.wrong
