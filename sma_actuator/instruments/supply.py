@@ -232,10 +232,11 @@ class SessionSupply(ABC):
             self._do_check(check)
 
     def check_next_setting(self) -> None:
-        """The same of one of them, in turn; and that somebody waits who says off when this program is gone, or asks no
-        more."""
+        """The same of one of them, in turn; and that somebody waits who says off when this program is gone, or, where
+        it has patience, as a loop that goes on for ever has, asks no more."""
         self._keep_afterwards()
-        self._promise(self.patience_s + self._instrument.timeout + STANDS_STILL_s)
+        if self.patience_s > 0.0:  # a self-test asks ten times, for how long that takes, and then no more
+            self._promise(self.patience_s + self._instrument.timeout + STANDS_STILL_s)
         if self._checks:
             self._check_number = (self._check_number + 1) % len(self._checks)
             self._do_check(self._checks[self._check_number])

@@ -228,6 +228,8 @@ def test_a_supply_that_is_looked_after_is_promised_to_be_heard_of_until_it_is_of
     supply.open()
     supply.set_output(True)
     assert said == [], "nobody looks after it yet, as in a program that waits for a person"
+    supply.check_next_setting()
+    assert said == [], "nor where a self-test asks how long that takes: it was cut short, as one that stood still"
     supply.patience_s = 3.0
     supply.check_next_setting()
     assert said == [3.0 + config.instruments.supply.timeout + afterwards.STANDS_STILL_s]
