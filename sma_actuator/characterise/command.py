@@ -298,7 +298,7 @@ def _virtual(args: argparse.Namespace, config: BenchConfig, plan: Sequence[Part]
     except ValueError as error:
         raise ConfigError(f"{'--hidden' if 'hidden' in str(error) else '--virtual'}: {error}") from error
     rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
-    return rig, BenchOperator(bench, _largest_force_N(config))
+    return rig, BenchOperator(bench, _largest_force_N(config), config.wire.full_stroke_m)
 
 
 def _instruments(args: argparse.Namespace, config: BenchConfig, shown: _Shown) -> tuple[Rig, Operator]:
@@ -311,7 +311,7 @@ def _instruments(args: argparse.Namespace, config: BenchConfig, shown: _Shown) -
     clock = MonotonicClock()
     rig = Rig(config, *open_instruments(config, clock), clock)
     if args.unattended_bench:
-        return rig, ScpiBenchOperator(args.unattended_bench, _largest_force_N(config))
+        return rig, ScpiBenchOperator(args.unattended_bench, _largest_force_N(config), config.wire.full_stroke_m)
     return rig, TerminalOperator(Asking(questions(), read_answers(args.answers), lambda: paused(shown.bar)), rig)
 
 

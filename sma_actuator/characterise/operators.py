@@ -104,8 +104,11 @@ class TerminalOperator:
 class BenchOperator:
     """Acts on a virtual bench in this process."""
 
-    def __init__(self, bench, largest_force_N: float):
+    def __init__(self, bench, largest_force_N: float, extended_m: float | None = None):
+        """``extended_m``: displacement at full extension, where a spring has its preload; the bench's usual one if
+        left out."""
         self._bench, self._largest_force_N = bench, largest_force_N
+        self._extended_m = () if extended_m is None else (extended_m,)
 
     def _put(self, load) -> None:
         self._bench.load = load
@@ -128,7 +131,7 @@ class BenchOperator:
     def fit_spring(self, stiffness_N_m: float, preload_N: float) -> None:
         from sma_actuator.bench import Spring
 
-        self._put(Spring(stiffness_N_m, preload_N))
+        self._put(Spring(stiffness_N_m, preload_N, *self._extended_m))
 
     def place_probe(self, number: int, count: int) -> float:
         self.hang_load(self._largest_force_N * (number + 0.5) / count)  # the cold wire moves the probe
@@ -138,10 +141,10 @@ class BenchOperator:
 class ScpiBenchOperator:
     """Acts on a virtual bench over its ``BENCh:`` commands, on a connection of its own."""
 
-    def __init__(self, resource: str, largest_force_N: float):
+    def __init__(self, resource: str, largest_force_N: float, extended_m: float):
         import pyvisa
 
-        self._largest_force_N = largest_force_N
+        self._largest_force_N, self._extended_m = largest_force_N, extended_m
         self._session: Any = pyvisa.ResourceManager("@py").open_resource(
             resource, read_termination="\n", write_termination="\n", timeout=2000
         )
@@ -166,7 +169,7 @@ class ScpiBenchOperator:
             pass
 
     def fit_spring(self, stiffness_N_m: float, preload_N: float) -> None:
-        self._do(f"BENC:LOAD:SPR {stiffness_N_m:.9g},{preload_N:.9g}")
+        self._do(f"BENC:LOAD:SPR {stiffness_N_m:.9g},{preload_N:.9g},{self._extended_m:.9g}")
 
     def place_probe(self, number: int, count: int) -> float:
         self.hang_load(self._largest_force_N * (number + 0.5) / count)

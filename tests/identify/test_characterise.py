@@ -34,7 +34,7 @@ from sma_actuator.characterise.programs import (
 from sma_actuator.characterise.rig import ATTENDED_MARGIN
 from sma_actuator.characterise.training import ENOUGH, FEWEST, Ends, left_to_go
 from sma_actuator.cli.main import main
-from sma_actuator.config import bench_from_mapping
+from sma_actuator.config import bench_from_mapping, write_parameter_file
 from sma_actuator.derived import with_derived
 from sma_actuator.estimation.chain import stresses_inside_Pa
 from sma_actuator.instruments import InstrumentLost, InstrumentRefused
@@ -872,6 +872,24 @@ def test_a_wire_is_measured_and_followed_up_to_what_it_may_be_driven_with(most_P
     assert stresses_inside_Pa((stresses_Pa[0], stresses_Pa[-1]))[1] >= driven_Pa
     *between_Pa, heaviest_Pa = followed_Pa
     assert np.searchsorted(stresses_Pa, between_Pa).tolist() == [1, 3, 5, 6] and heaviest_Pa == stresses_Pa[-1]
+
+
+def test_a_spring_has_its_preload_at_full_extension_of_a_long_wire_too(tmp_path):
+    """It had it at 4 mm, the full extension of 100 mm, and a longer wire went slack before it was extended."""
+    mapping = bench_mapping("flexinol")
+    mapping["wire"]["length"] = 0.3
+    for section in ("supply", "thermal", "controller", "estimator", "safety"):
+        del mapping[section]
+    write_parameter_file(tmp_path / "bench.yaml", with_derived(mapping), "a longer wire")
+    kinds = ("check", "training", "lead_resistance", "load_cell", "lvdt", "partial", "levels", "fatigue")
+    skipped = [word for kind in kinds for word in ("--skip", kind)]
+    words = ["characterise", "--virtual", "flexinol", "--config", str(tmp_path / "bench.yaml"), *skipped]
+    words += ["--loads", "0.5", "--spring", "60,0.3", "--pulses", "1", "--out", str(tmp_path / "out")]
+    assert main(words) == 0
+    (log,) = (tmp_path / "out").glob("pulses_spring*.csv")
+    read = read_bench_log(log)
+    load_N = read["load_cell_voltage_V"] * 12.7297 - 0.0598
+    assert load_N.min() > 0.29
 
 
 @pytest.mark.parametrize("spring", ["100", "100,0.5,0.004", "0,0.5", "100,-1", "nan,0.5"])

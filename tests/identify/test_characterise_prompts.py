@@ -41,7 +41,7 @@ def bench(tmp_path_factory):
         mapping["supply"]["watchdog_timeout"] = PATIENT_NODE["supply.watchdog_timeout"]
         path = tmp_path_factory.mktemp("bench") / "bench.yaml"
         path.write_text(yaml.safe_dump({"sma_actuator": {"ros__parameters": mapping}}))
-        hands = ScpiBenchOperator(mapping["instruments"]["daq"]["resource"], 3.0)
+        hands = ScpiBenchOperator(mapping["instruments"]["daq"]["resource"], 3.0, 0.004)
         yield path, hands
         hands._session.close()
 
