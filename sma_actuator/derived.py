@@ -344,9 +344,10 @@ def _shear(wire: Wire, value: float, unit: str) -> str:
     return f", {value / math.sqrt(3.0):.3g}{unit} as shear at the surface" if wire.form == "coil" else ""
 
 
-def without_derived(mapping: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
+def without_derived(mapping: Mapping[str, Any], other_rate: bool = False) -> tuple[dict[str, Any], list[str]]:
     """``mapping`` without what follows from the rest of it, and the names of that: nobody gave it, so what is measured
-    may take its place.  How often the wire is read stays, and how old a reading may be: so its instruments can.
+    may take its place.  How often the wire is read stays, and how old a reading may be: so its instruments can; unless
+    it is to be read at an ``other_rate``.
 
     Raises ConfigError where the wire is not known.
     """
@@ -356,7 +357,7 @@ def without_derived(mapping: Mapping[str, Any]) -> tuple[dict[str, Any], list[st
         section, _, key = name.partition(".")
         of_instruments = section == "loop" or name == "safety.reading_timeout"
         inside = out.get(section)
-        if not of_instruments and isinstance(inside, Mapping) and inside.get(key) == found.value:
+        if (other_rate or not of_instruments) and isinstance(inside, Mapping) and inside.get(key) == found.value:
             del out[section][key]
             names.append(name)
     return out, names

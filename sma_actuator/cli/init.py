@@ -275,9 +275,10 @@ def run(args: argparse.Namespace) -> int:
     refuse_to_overwrite(args, args.out)
     console = notes(args)
     mapping = read_parameter_file(args.start) if args.start else {}
-    with contextlib.suppress(ConfigError):  # of a wire that is not known yet nothing follows
-        mapping, _ = without_derived(mapping)  # so that limits and gains are of what is answered now
     answers = _answers(args)
+    with contextlib.suppress(ConfigError):  # of a wire that is not known yet nothing follows
+        # So that limits, gains and blocks are of what is answered now.
+        mapping, _ = without_derived(mapping, other_rate="loop.rate" in answers)
     if "wire.length" in answers and _get(mapping, "wire.form") is None:  # who says the size says the form too
         answers.setdefault(
             "wire.form", "coil" if "wire.coil_diameter" in answers else "bundle" if "wire.wires" in answers else "wire"

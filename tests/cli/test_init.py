@@ -515,19 +515,21 @@ def test_what_is_said_overrules_the_file_that_it_starts_from(tmp_path, capsys):
     assert f"{elsewhere}, instead of the TCPIP::127.0.0.1::5025::SOCKET of" in " ".join(capsys.readouterr().err.split())
 
 
-def test_what_follows_in_the_file_that_it_starts_from_follows_what_is_said_now(tmp_path):
-    """A thinner wire kept the current of the thicker one, and a slower loop its gains, as if somebody had given
-    them."""
-    changes = {"wire.diameter": "0.1e-3", "loop.rate": "5"}
+@pytest.mark.parametrize("rate_Hz", ["3", "50"])
+def test_what_follows_in_the_file_that_it_starts_from_follows_what_is_said_now(tmp_path, rate_Hz):
+    """A thinner wire kept the current of the thicker one, and a slower loop its gains, as if somebody had given them;
+    a quicker one was refused for the blocks."""
+    changes = {"wire.diameter": "50e-6", "loop.rate": rate_Hz}
 
     def written(name, answers, *words):
         said = [word for each in answers.items() for word in ("--set", "=".join(each))]
         assert main(["init", *words, *said, "--out", str(tmp_path / name)]) == 0
         return read_parameter_file(tmp_path / name)
 
-    thick = written("thick.yaml", {**ANSWERS, "safety.load_spike": "2"})
+    given = {**ANSWERS, "safety.load_spike": "0.5"}
+    thick = written("thick.yaml", given | {"wire.diameter": "75e-6"})
     thin = written("thin.yaml", changes, "--start", str(tmp_path / "thick.yaml"))
-    assert thin == written("anew.yaml", {**ANSWERS, "safety.load_spike": "2", **changes})
+    assert "samples_per_block" in thick["loop"] and thin == written("anew.yaml", given | changes)
     assert thin["supply"]["max_current"] < thick["supply"]["max_current"]
 
 
