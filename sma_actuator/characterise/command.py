@@ -324,9 +324,11 @@ def _say_what_is_next(args: argparse.Namespace, plan: Sequence[Part], console: C
     done = {part.kind for part in plan}
     logs = " ".join(f"{typed(args.out)}/{kind}_*.csv" for kind in (FULL, PARTIAL, LEVELS, FOLLOWED) if kind in done)
     if logs:
-        first_round = "FIRST_ROUND/*.csv " if args.follow else ""
-        bench = typed(args.out / BENCH_FILE)
-        console.print(f"next: sma-actuator identify {first_round}{logs} --config {bench} --out my_wire.yaml")
+        bench, model = f"--config {typed(args.out / BENCH_FILE)}", "--out my_wire.yaml"
+        if args.follow:  # the model that drove the wire, from both rounds
+            logs = f"FIRST_ROUND/p*.csv FIRST_ROUND/levels_*.csv {logs}"
+            model = f"--model {read_parameter_file(args.follow)['model']['type']} --out better_wire.yaml"
+        console.print(f"next: sma-actuator identify {logs} {bench} {model}")
 
 
 def _effect(text: str) -> tuple[str, float]:

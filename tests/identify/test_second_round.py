@@ -16,6 +16,7 @@ from sma_actuator.characterise.parts import positions_m
 from sma_actuator.characterise.plan import POSITIONS, followed_shares
 from sma_actuator.characterise.programs import FROM_COLD
 from sma_actuator.characterise.rig import ATTENDED_MARGIN
+from sma_actuator.cli.main import main
 from sma_actuator.config import Config, bench_from_mapping, read_parameter_file, write_parameter_file
 from sma_actuator.derived import derived, with_derived, without_derived
 from sma_actuator.logs.bench_log import read_bench_log, signals_from_log
@@ -120,6 +121,15 @@ def test_a_model_that_does_not_know_its_ends_is_refused(tmp_path):
     write_parameter_file(lacking, mapping, "Without its ends.", {})
     with pytest.raises(ConfigError, match="does not say where the wire ends"):
         second_round(tmp_path / "out", lacking)
+
+
+def test_the_command_that_takes_both_rounds_asks_for_the_model_that_drove_the_wire(tmp_path, capsys):
+    out = tmp_path / "second"
+    words = ["characterise", "--virtual", "flexinol", "--follow", str(NODE), "--loads", "0.98", "--out", str(out)]
+    assert main(words) == 0
+    said = " ".join(capsys.readouterr().err.split())
+    assert f"identify FIRST_ROUND/p*.csv FIRST_ROUND/levels_*.csv {out}/followed_*.csv" in said
+    assert said.endswith(f"--config {out}/bench.yaml --model flexinol --out better_wire.yaml")
 
 
 def test_what_follows_from_the_rest_gives_way_to_what_is_measured():
