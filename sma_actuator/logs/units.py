@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import re
 from dataclasses import dataclass
 
@@ -149,7 +150,7 @@ def unit_of(text: str, own: str) -> str:
 def metres(text: str) -> float:
     """A length as it is typed at the command line, for argparse."""
     value_m = quantity(text, "m")
-    if value_m is None:
+    if value_m is None or not 0.0 < value_m < math.inf:
         raise argparse.ArgumentTypeError(f"{text!r} is no length: 0.1 (metres), 100mm or 4in is wanted")
     return value_m
 

@@ -235,3 +235,10 @@ def test_a_log_in_which_nothing_happens_is_told_so(rows, tmp_path, capsys):
     assert "still.csv" in said.err or (
         "switch the current on and off" in said.out and "next: record that" in said.err.splitlines()[-1]
     )
+
+
+@pytest.mark.parametrize("length", ["0", "-0.1", "0mm", "inf", "nan", "long"])
+def test_a_length_that_no_wire_has_is_refused_before_a_log_is_read(length, capsys):
+    with pytest.raises(SystemExit):
+        main(["check-log", "none.csv", f"--length={length}"])
+    assert f"{length!r} is no length: 0.1 (metres), 100mm or 4in is wanted" in capsys.readouterr().err
