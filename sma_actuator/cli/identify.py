@@ -225,19 +225,26 @@ def _what_is_given(args: argparse.Namespace) -> dict[str, Any]:
     """The parameters of file and options.  Raises ConfigError where they do not say which wire it is."""
     mapping = read_parameter_file(args.config) if args.config else {}
     wire = {name: getattr(args, name) for name in ("alloy", "length", "diameter") if getattr(args, name) is not None}
-    mapping["wire"] = {**mapping.get("wire", {}), **wire}
+    mapping["wire"] = {**_section(mapping, "wire"), **wire}
     for word in args.set:
         name, _, text = word.partition("=")
         section, _, key = name.partition(".")
         value = parse_yaml(text, f"--set {word}")
         if not key or value is None:
             raise ConfigError(f"--set {word}: SECTION.PARAMETER=VALUE is wanted, as circuit.reference_resistance=0.5")
-        mapping[section] = {**mapping.get(section, {}), key: value}
+        mapping[section] = {**_section(mapping, section), key: value}
     lacking = [name for name in ("alloy", "length", "diameter") if name not in mapping["wire"]]
     if lacking:
         words = " and ".join(f"--{name}" for name in lacking)
         raise ConfigError(f"which wire it is must be said: {words}, or --config with a file that has a section wire")
     return mapping
+
+
+def _section(mapping: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    section = mapping.get(name, {})
+    if not isinstance(section, Mapping):
+        raise ConfigError(f"{name}: {section!r:.60} is not a section of parameters")
+    return section
 
 
 def write_model(path: Path, result: Identification, page: Path | None = None) -> None:

@@ -175,6 +175,16 @@ def test_what_is_missing_of_the_wire_is_said(tmp_path, capsys):
     assert "--length and --diameter" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("text", ["3.7", "abc", "[150e-6]", "null"])
+def test_a_file_whose_wire_is_no_section_is_told_so(text, tmp_path, capsys):
+    """Whether nothing beside it is said of the wire, or all of it."""
+    bench = tmp_path / "bench.yaml"
+    bench.write_text(f"sma_actuator:\n  ros__parameters:\n    wire: {text}\n")
+    for words in ([], WIRE, ["--set", "wire.length=0.1"]):
+        assert main(["identify", "no.csv", "--config", str(bench), *words, "--out", str(tmp_path / "m.yaml")]) == 1
+        assert "is not a section of parameters" in capsys.readouterr().err
+
+
 def test_a_node_that_has_no_calibration_of_its_load_cell_drives_nothing(make_rig):
     with pytest.raises(ValueError, match="load_cell.slope, load_cell.offset: missing"):
         make_rig(load_cell={"slope": float("nan"), "offset": float("nan")})
