@@ -113,6 +113,10 @@ class PowerSection:
         """Shares of the stroke, and the temperatures of the heating wire there, at no stress."""
         return _shares(len(self.transformation_heating)), self.transformation_heating
 
+    def mismatches(self) -> list[str]:
+        """What of it does not fit together: a sentence for each field that must be measured again."""
+        return _miscounted(self, "power", transformation_shift=2, transformation_speed=4)
+
     def heating_C(self, share: float, stress_Pa: float) -> float:
         """Temperature, by the heat balance, of a heating wire at a share of its stroke and a stress; NaN where not
         known."""
@@ -200,6 +204,18 @@ class IntervalSection:
     )
     scatter_cooling: tuple[float, ...] = parameter((), "the same, cooling", "m", 0.0, 10.0, optional=True)
 
+    def mismatches(self) -> list[str]:
+        """What of it does not fit together: a sentence for each field that must be measured again."""
+        stresses, positions = len(self.residual_stress), len(self.residual_position)
+        return _mismatches(self, "interval", residual_stress=(), residual_position=()) + _miscounted(
+            self,
+            "interval",
+            residual_heating=stresses * positions,
+            residual_cooling=stresses * positions,
+            scatter_heating=positions,
+            scatter_cooling=positions,
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class ExpectationSection:
@@ -247,6 +263,12 @@ class ExpectationSection:
         nan, "how far apart two readings are whose errors are independent", "s", 0.0, 1e6, optional=True
     )
 
+    def mismatches(self) -> list[str]:
+        """What of it does not fit together: a sentence for each field that must be measured again."""
+        features, weights = len(self.expected_centre), len(self.expected_weights)
+        of_features = dict.fromkeys(("expected_scale", "expected_least", "expected_most"), features)
+        return _miscounted(self, "expectation", expected_stroke=2, expected_place=weights, **of_features)
+
     @property
     def known(self) -> bool:
         """Whether it says what residual to expect at a place with its history, and how surely."""
@@ -274,7 +296,8 @@ class Calibration:
 
     def mismatches(self) -> list[str]:
         """What of it does not fit together: a sentence for each field that must be measured again."""
-        out = self.rest.mismatches() + self.hot_end.mismatches()
+        sections = (self.rest, self.power, self.hot_end, self.interval, self.expectation)
+        out = [problem for section in sections for problem in section.mismatches()]
         rest = self.rest
         if rest.hot_displacement and rest.cold_displacement and not out:
             hot_m = np.interp(rest.cold_stress, rest.hot_stress, rest.hot_displacement)
@@ -313,7 +336,7 @@ class Calibration:
     @property
     def ends_known(self) -> bool:
         """Whether it says where the wire ends, contracted and cold."""
-        return bool(self.hot_end.contracted_stress and self.rest.cold_stress)
+        return all(stresses and displacements for stresses, displacements in self.ends)
 
     @property
     def ends(self) -> tuple[tuple[tuple[float, ...], tuple[float, ...]], ...]:
@@ -327,7 +350,7 @@ class Calibration:
         power = self.power
         complete = min(len(power.transformation_heating), len(power.transformation_cooling)) > 1
         complete = complete and len(power.transformation_shift) == 2 and math.isfinite(power.latent_rise)
-        if not (complete and self.ends_known):
+        if not (complete and self.ends_known) or self.mismatches():
             return False
         hot_m = np.interp(self.rest.cold_stress, self.hot_end.contracted_stress, self.hot_end.contracted_displacement)
         return bool(np.all(np.array(self.rest.cold_displacement) > hot_m))
@@ -392,6 +415,15 @@ def _mismatches(of: Any, name: str, **tables_by_stress: tuple[str, ...]) -> list
             if getattr(of, table) and len(getattr(of, table)) != len(stresses)
         ]
     return out
+
+
+def _miscounted(of: Any, name: str, **counts: int) -> list[str]:
+    """Of tables that are there and do not hold so many values."""
+    return [
+        f"calibration.{name}.{table}: has {found} values, and {wanted} are wanted; identify the model again"
+        for table, wanted in counts.items()
+        if (found := len(getattr(of, table))) and found != wanted
+    ]
 
 
 @lru_cache(maxsize=64)
