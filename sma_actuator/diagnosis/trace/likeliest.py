@@ -239,7 +239,7 @@ def _scan(search: _Search, candidate: Candidate, u: np.ndarray) -> list[float]:
 
 def _over_time(search: _Search, candidate: Candidate, u: np.ndarray, *more_s: float) -> tuple[np.ndarray, np.ndarray]:
     """At many times, and ``more_s``, what something that happens once takes off the squares if it did then [s of the
-    sessions one after the other, 1]; between two of them as well.
+    sessions one after the other, 1]; before the first and between two of them as well.
 
     Its size is linear in the rows, so every time is tried on one residual.
     """
@@ -258,10 +258,10 @@ def _over_time(search: _Search, candidate: Candidate, u: np.ndarray, *more_s: fl
     of_sample, of_other = np.split(evidence.unit_of_row, [len(elapsed_s)])
     number = np.maximum(np.bincount(of_sample, minlength=evidence.units), 1)
     when_s = np.append(elapsed_s, (np.bincount(of_sample, elapsed_s, minlength=evidence.units) / number)[of_other])
-    # Within the first or last 3 % it is an offset, or nothing.
-    between_s = np.unique(logs.before_s)[1:]
+    # Within the first 3 % it happened before, within the last not yet.
+    begins_s = np.unique(logs.before_s)
     times_s = np.quantile(elapsed_s, np.linspace(TIMES_APART, 1.0 - TIMES_APART, TRIED))
-    times_s = np.concatenate((times_s, between_s, more_s))
+    times_s = np.concatenate((times_s, begins_s, more_s))
     moved = (there - here)[:, None] / PROBE * (when_s[:, None] >= times_s)
     slopes = problem.jacobian(nothing, at)[:, others]
     return times_s, search.gains(at, slopes, moved, u, others)

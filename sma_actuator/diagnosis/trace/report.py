@@ -186,9 +186,16 @@ def _nothing(tracing: Tracing, share: float) -> str:
     not tell what."""
     off = f"{tracing.before.unexpected_percent.mean():.2f} % of full stroke"
     if share >= LIMITS.enough:
-        return (
+        text = (
             f"Nothing is missing, with a probability of {share:.0%}: of the error {off} is not what the calibration "
-            "lets expect, and that is usual."
+            "lets expect, and that is usual"
+        )
+        calibration = tracing.evidence.config.calibration
+        if not calibration.known or tracing.before.unexpected_percent.mean() <= calibration.largest_error:
+            return f"{text}."
+        return (
+            f"{text} of a model that is as unsure as this one says it is here; in no log of its calibration was it off "
+            f"by more than {calibration.largest_error:.2g} %."
         )
     others = [(n, p) for n, p in tracing.probabilities.by_name.items() if n != NOTHING and p >= LEAST_SAID]
     text = (

@@ -1,6 +1,7 @@
 """Tracing: what is hidden in a session is found, nothing is found where nothing is, and what has no name stays
 without."""
 
+import copy
 import dataclasses
 import math
 from types import SimpleNamespace
@@ -85,6 +86,14 @@ def test_where_nothing_is_hidden_nothing_is_most_probable(clean, without):
     assert (SOMETHING_ELSE,) in found.probabilities.of
     sure = dataclasses.replace(found, probabilities=Probabilities({(NOTHING,): 0.95, ("slip",): 0.05}))
     assert "Nothing is missing, with a probability of 95%" in sentence(sure, {}, [])
+    assert sentence(sure, {}, []).endswith("lets expect, and that is usual.")
+    # What is usual since the model itself is unsure of these logs is less of an answer, and says so.
+    more = float(sure.before.unexpected_percent.mean()) - 0.01
+    calibration = dataclasses.replace(sure.evidence.config.calibration, largest_error=more)
+    evidence = copy.copy(sure.evidence)
+    evidence.config = dataclasses.replace(evidence.config, calibration=calibration)
+    said = sentence(dataclasses.replace(sure, evidence=evidence), {}, [])
+    assert said.endswith(f"in no log of its calibration was it off by more than {more:.2g} %.")
     # Of a session that is too short to say so, that is said, and what else may be.
     unsure = dataclasses.replace(found, probabilities=Probabilities({(NOTHING,): 0.6, ("slip",): 0.3, ("creep",): 0.1}))
     said = sentence(unsure, {}, [])
@@ -375,6 +384,17 @@ def test_a_slip_is_no_drift_however_much_a_drift_mends(wire, config):
     assert wrong.nats < -3.0
 
 
+def test_a_slip_before_the_logs_is_hardly_told_from_a_zero_that_has_moved(wire, config):
+    """Every reading of the sensor is off by the same."""
+    log = session(wire[0], logs=1)[0]
+    log = changed(log, lvdt_current_A=log["lvdt_current_A"] + 3e-4 / config.reference_sensor.slope)
+    evidence = Evidence([log], config)
+    rows, scales = Rows(evidence), scales_of(evidence)
+    slip, moved = (rows.effects([candidate(name, scales)]) for name in ("slip", "reference_drift"))
+    assert slip.fitted.values["slip"]["length"] == pytest.approx(3e-4, rel=0.1)
+    assert abs(slip.log_evidence - moved.log_evidence) < 2.0 * LIMITS.told
+
+
 def test_a_slip_pays_for_the_time_that_was_looked_for(wire, config):
     """It may have happened at any: the sharper its time is, the less likely it was to be just that."""
 
@@ -384,7 +404,7 @@ def test_a_slip_pays_for_the_time_that_was_looked_for(wire, config):
         return likeliest(evidence, [candidate("slip", scales_of(evidence))], rows.usual), rows.usual
 
     (there, usual), (none, _) = fitted({"slip": 4e-4}), fitted({})
-    assert -math.log(TRIED + 1) <= there.when < -3.0 < -2.0 < none.when <= 0.0
+    assert -math.log(TRIED + 2) <= there.when < -3.0 < -2.0 < none.when <= 0.0
     unpaid = dataclasses.replace(there, when=0.0).log_evidence(usual)
     assert there.log_evidence(usual) == pytest.approx(unpaid + there.when)
 
