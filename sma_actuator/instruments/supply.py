@@ -259,7 +259,10 @@ class SessionSupply(ABC):
             if not self._off_on_own_session():
                 self._off_beside(self._instrument.timeout)
         except Exception as error:  # noqa: BLE001 - the last thing a program does must not fail
-            _log.error("%s: told to be off, not confirmed (%s)", self._session.name, error)
+            if self._confirmed:
+                _log.warning("%s: read back as off before, and does not say so again (%s)", self._session.name, error)
+            else:
+                _log.error("%s: told to be off, not confirmed (%s)", self._session.name, error)
             return False
         return True
 

@@ -343,3 +343,20 @@ def test_a_session_that_hangs_in_another_thread_is_broken_and_a_second_one_speak
         assert server.heard("OUTP OFF", times=3), "blind, on the one that hangs, and twice on the other"
         assert (server.lines.count("SYST:LOC"), server.lines.count(":OUTP?")) == (1, 1)
     assert min(took_s) < 0.5
+
+
+@pytest.mark.parametrize(
+    ("on", "said"),
+    [(False, "read back as off before, and does not say so again"), (True, "told to be off, not confirmed")],
+)
+def test_a_supply_that_goes_after_it_was_off_is_not_said_to_be_unconfirmed(supply, server, caplog, on, said):
+    """`stop` had confirmed it, the supply was unplugged, and the node said both that it was not confirmed and was."""
+    one = supply()
+    one.open()
+    one.switch_off()
+    if on:
+        one.set_output(True)
+    server.close()
+    assert not one.shut_down()
+    (record,) = [record for record in caplog.records if "off" in record.message]
+    assert said in record.message
