@@ -78,7 +78,14 @@ coverage: $(VENV)/ready
 floor: $(VENV)/ready
 	$(BIN)/python benchmarks/coverage_by_room.py --guards
 
+# One make at a time makes it, and who comes meanwhile waits for that one: `make demo` in one terminal, `make test` in
+# another.
 $(VENV)/ready: setup.py constraints.txt requirements.lock
+	@flock --nonblock Makefile true || echo "another make makes $(VENV): waiting for it"
+	@flock Makefile $(MAKE) --no-print-directory $(VENV)/installed
+	@touch $@
+
+$(VENV)/installed: setup.py constraints.txt requirements.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is wanted; set PYTHON=python3.12 or so"; exit 1; }
 	@$(PYTHON) -c 'import venv, ensurepip' || { echo "the venv module is missing: apt-get install python3-venv"; exit 1; }
 	$(PYTHON) -m venv $(VENV)

@@ -97,3 +97,29 @@ def test_its_commands_have_the_options_that_the_page_gives_them():
             main([name, "--help"])
         for option in (word for word in words if word.startswith("--")):
             assert option in help_.getvalue(), f"sma-actuator {name} {option}"
+
+
+def test_two_makes_at_once_make_one_environment(tmp_path):
+    """`make demo` in one terminal, `make test` in another, of a fresh clone: the second waits for the first."""
+    for name in ("Makefile", "setup.py", "constraints.txt", "requirements.lock"):
+        shutil.copy(ROOT / name, tmp_path)
+    python = tmp_path / "python"
+    python.write_text(
+        '#!/bin/sh\necho "$@" >> asked\n[ "$2" != venv ] || { mkdir -p $3/bin; cp $0 $3/bin; cat goes_on; }\n'
+    )
+    python.chmod(0o755)
+    os.mkfifo(tmp_path / "goes_on")  # until this one is opened and closed, the environment is being made
+    command = ["make", "PYTHON=./python", ".venv/ready"]
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("MAKE")}
+    with contextlib.ExitStack() as stack:
+
+        def make(says):
+            process = subprocess.Popen(command, cwd=tmp_path, stdout=-1, text=True, env=environment)
+            stack.enter_context(process)
+            assert any(says in line for line in process.stdout)
+            return process
+
+        first, second = make("-m venv .venv"), make("another make makes .venv: waiting for it")
+        (tmp_path / "goes_on").write_text("")
+        assert [makes.wait(PATIENCE_s) for makes in (first, second)] == [0, 0]
+    assert (tmp_path / "asked").read_text().count("-m venv") == 1
