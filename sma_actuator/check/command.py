@@ -41,7 +41,9 @@ def run(args) -> int:
     config = config_from_mapping(read_parameter_file(args.config), str(args.config))
     require_sense_resistor(config)
     with noted_signals() as interrupts:
-        found = _test(config, *_instruments(config, args.virtual), lambda: bool(interrupts), notes(args), results(args))
+        supply, daq, clock = _instruments(config, args.virtual)
+        test = SelfTest(config, supply, daq, clock, None if args.virtual else _opening(config, clock))
+        found = _test(test, config, lambda: bool(interrupts), notes(args), results(args))
         write_json(args, [dataclasses.asdict(each) | {"level": each.level.name.lower()} for each in found])
         interrupts.raise_noted()
     again = f"sma-actuator check --config {typed(args.config)}"
@@ -53,7 +55,7 @@ def look_first(config: BenchConfig, supply: PowerSupply, daq: Daq, clock: Clock,
     """Look at the wiring before a wire is heated.  Raises UserError where it is not as the parameters say."""
     console.print("first the wiring is checked, with the wire between its crimps")
     with noted_signals() as interrupts:
-        found = _test(config, supply, daq, clock, lambda: bool(interrupts), console, console)
+        found = _test(SelfTest(config, supply, daq, clock), config, lambda: bool(interrupts), console, console)
         interrupts.raise_noted()
     if not passed(found):
         wrong = "; ".join(f"{each.part}: {each.sentence}" for each in found if each.level is Level.WRONG)
@@ -64,18 +66,12 @@ def look_first(config: BenchConfig, supply: PowerSupply, daq: Daq, clock: Clock,
 
 
 def _test(
-    config: BenchConfig,
-    supply: PowerSupply,
-    daq: Daq,
-    clock: Clock,
-    interrupted: Callable[[], bool],
-    before: Console,
-    lines: Console,
+    test: SelfTest, config: BenchConfig, interrupted: Callable[[], bool], before: Console, lines: Console
 ) -> list[Found]:
     """Test, and print a line for each part."""
     most_A = min(2.0 * config.supply.bias_current, config.supply.max_current)
     before.print(f"at most {1e3 * most_A:g} mA will flow; the output is off afterwards")
-    found = SelfTest(config, supply, daq, clock).run(interrupted)
+    found = test.run(interrupted)
     for each in found:
         lines.print(f"{_MARKS[each.level]:6} {each.part:15} {as_commands(each.sentence)}")
     return found
@@ -102,6 +98,16 @@ def _instruments(config: BenchConfig, virtual: str | None) -> tuple[PowerSupply,
 
     clock = MonotonicClock()
     return *open_instruments(with_patience(config), clock), clock
+
+
+def _opening(config: BenchConfig, clock: Clock) -> Callable[[BenchConfig], Daq] | None:
+    """What makes the DAQ anew for another configuration; None where it is the supply as well, on one connection."""
+    from sma_actuator.instruments import open_daq
+
+    instruments = config.instruments
+    if instruments.daq.resource == instruments.supply.resource:
+        return None
+    return lambda other: open_daq(with_patience(other), clock)
 
 
 def with_patience(config: BenchConfig) -> BenchConfig:

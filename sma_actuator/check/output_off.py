@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import dataclasses
+
 import numpy as np
 
 from sma_actuator.base.calibration import through
@@ -105,14 +108,29 @@ def _block(probe: Probe) -> None:
     took_s = probe.clock.now_s() - began_s
     if samples > 1 and took_s > 1.0 / LEAST_RATE_Hz:
         more = "more than " if late else ""
+        wanted = {"loop.samples_per_block": 1.0} | _with_one_reading(probe)
         probe.end(
             "speed",
             f"a block of {samples} readings of each channel takes the DAQ {more}{took_s:.2g} s, as where it reads "
             f"one channel after the other, and a step may take {1.0 / LEAST_RATE_Hz:g} s at the most; write "
-            "loop.samples_per_block: 1",
+            + ", ".join(f"{name}: {value:g}" for name, value in wanted.items()),
         )
     if late is not None:
         raise late
+
+
+def _with_one_reading(probe: Probe) -> dict[str, float]:
+    """What else is to be written where a block is one reading, by a DAQ that is opened anew for such; nothing where
+    that cannot be seen now."""
+    if probe.other_daq is None:
+        return {}
+    probe.daq.close()
+    probe.config = dataclasses.replace(probe.config, loop=dataclasses.replace(probe.config.loop, samples_per_block=1))
+    probe.daq = probe.other_daq(probe.config)
+    with contextlib.suppress(InstrumentError):
+        probe.daq.open()
+        return probe.pace().wanted
+    return {}
 
 
 def at_rest(probe: Probe) -> None:

@@ -41,6 +41,7 @@ class Probe:
 
     def __init__(self, config: BenchConfig, supply: PowerSupply, daq: Daq, clock: Clock):
         self.config, self.supply, self.daq, self.clock = config, supply, daq, clock
+        self.other_daq: Callable[[BenchConfig], Daq] | None = None  #: the DAQ for other blocks; None: it stays
         self.aborted = threading.Event()
         self.interrupted: Callable[[], bool] = lambda: False
         self.opened = False  #: the supply was, so that what flows is ours

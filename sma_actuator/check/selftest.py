@@ -22,11 +22,19 @@ from .watchdog import watchdog
 class SelfTest:
     """The parts, on instruments that are not connected yet, of a wire with a model or without.
 
-    :meth:`abort` ends it from another thread.
+    ``other_daq`` makes the DAQ anew, for other blocks.  :meth:`abort` ends it from another thread.
     """
 
-    def __init__(self, config: BenchConfig, supply: PowerSupply, daq: Daq, clock: Clock):
+    def __init__(
+        self,
+        config: BenchConfig,
+        supply: PowerSupply,
+        daq: Daq,
+        clock: Clock,
+        other_daq: Callable[[BenchConfig], Daq] | None = None,
+    ):
         self._probe = Probe(config, supply, daq, clock)
+        self._probe.other_daq = other_daq
         self.off_confirmed = False
 
     @property

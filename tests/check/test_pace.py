@@ -124,3 +124,34 @@ def test_a_daq_that_cannot_read_such_a_block_is_told_to_read_one_and_then_what_a
         assert wanted == "loop.rate: " or "timeout" not in said.sentence  # which a block of one wants shorter
         assert not bench.supply.output_on
         mapping = with_written(mapping, {"loop.samples_per_block": 1})
+
+
+def test_what_a_step_takes_with_one_reading_is_said_at_once_where_the_daq_can_be_opened_anew():
+    """A multiplexer wanted three checks: one said the block, one the rate, and one that all was well."""
+
+    class Multiplexer(InProcessDaq):
+        def __init__(self, bench, config):
+            super().__init__(bench, config)
+            self.took_s = 0.02 * 4 * config.loop.samples_per_block
+
+        def read_block(self):
+            clock.sleep_until_s(clock.now_s() + self.took_s)
+            return super().read_block()
+
+    mapping, levels = MAPPING, []
+    for _ in range(2):
+        config = bench_from_mapping(mapping)
+        bench = VirtualBench.from_name("flexinol")
+        bench.advance(0.2)
+        bench.inject("slow_answers", 0.01)
+        clock, patient = VirtualClock(bench), with_patience(config)
+        daq = Multiplexer(bench, patient)
+        test = SelfTest(
+            config, InProcessSupply(bench, patient), daq, clock, lambda other, bench=bench: Multiplexer(bench, other)
+        )
+        (*_, said) = (each for each in test.run() if each.part == "speed")
+        levels.append(said.level)
+        _, _, written = said.sentence.partition("; write ")
+        pairs = (pair.split(": ") for pair in written.split(", ") if pair)
+        mapping = with_written(mapping, {name: yaml.safe_load(value) for name, value in pairs})
+    assert levels == [Level.WRONG, Level.OK] and mapping["loop"]["samples_per_block"] == 1
