@@ -167,7 +167,27 @@ def read_logs(
         raise errors[0]
     for each in errors:
         say(f"left out: {each}")
-    return _extension_positive(_joined(logs, say), reading, say, found)
+    return _extension_positive(_joined(_each_once(logs, say), say), reading, say, found)
+
+
+def _each_once(logs: list[BenchLog], say: Say) -> list[BenchLog]:
+    """Logs without those that are copies of one before them: the same readings twice are no more sure than once."""
+    out: list[BenchLog] = []
+    for log in logs:
+        same = next((one for one in out if _same_readings(one, log)), None)
+        if same is None:
+            out.append(log)
+        else:
+            say(f"left out: {log.name}: its readings are those of {same.name}; they count once")
+    return out
+
+
+def _same_readings(one: BenchLog, other: BenchLog) -> bool:
+    columns, others = one.columns, other.columns
+    return columns.keys() == others.keys() and all(
+        len(values) == len(others[name]) and np.array_equal(values, others[name], equal_nan=True)
+        for name, values in columns.items()
+    )
 
 
 def find_logs(places: Sequence[Path | str]) -> list[Path]:

@@ -131,6 +131,16 @@ def test_one_bad_file_does_not_stop_a_folder_and_alone_it_is_refused(tmp_path):
         read_logs([tmp_path / "notes.txt"], ReadingOptions())
 
 
+def test_a_copy_of_a_log_counts_once(tmp_path):
+    """The same readings twice would make everything that is said of them twice as sure."""
+    for name, seed in (("first", 0), ("first - copy", 0), ("second", 1)):
+        write(tmp_path / f"{name}.csv", pulses(3, seed=seed))
+    said = []
+    logs = read_logs([tmp_path / "first.csv", tmp_path], ReadingOptions(), said.append)
+    assert [log.name for log in logs] == ["first.csv", "second.csv"]
+    assert "left out: first - copy.csv: its readings are those of first.csv; they count once" in said
+
+
 @pytest.mark.parametrize(
     "header",
     (

@@ -77,8 +77,8 @@ def summary(tracing: Tracing, model_file: Path | None = None) -> dict[str, Any]:
         else [
             (
                 f"these logs are {len(evidence.logs.sessions)} sessions, each where the clock does not go on from the "
-                "log before it: what changes from one to the next (a slip, a drift) cannot show; where they are one, "
-                "let time_s go on from log to log"
+                "log before it: of what changes from one to the next only a slip can show, and no drift; where they "
+                "are one, let time_s go on from log to log"
             )
         ],
         "model_file": str(model_file) if model_file else None,
