@@ -33,6 +33,32 @@ def test_it_goes_where_it_is_told_over_centimetres_and_knows_how_sure_it_is(mapp
     assert np.mean(covered) > 0.8
 
 
+def test_beyond_its_long_end_no_heat_holds_it_back_from_where_it_goes_by_itself(mapping):
+    """The end is where it came in the time that its calibration gave it; held there it took a quarter more current than
+    the bias, and a Ni-Ti wire up to three times that, for ever."""
+    rig = Rig(mapping, "coil", load=Weight(0.13))
+    full_m, bias_A = rig.config.wire.full_stroke_m, rig.config.supply.bias_current
+
+    def go(asked_m, seconds):
+        for _ in range(round(seconds / rig.period_s)):
+            rig.actuator.offer_setpoint(rig.now_s, asked_m)
+            rig.step()
+
+    rig.enable()
+    go(0.030, 15.0)
+    assert "setpoint_range" not in rig.status.limits
+    go(1.0, 30.0)
+    assert "setpoint_range" in rig.status.limits and "at its long end" in rig.status.message
+    before = len(rig.outputs)
+    go(1.0, 10.0)
+    assert max(output.command.current_A for output in rig.outputs[before:]) < 1.01 * bias_A
+    assert rig.bench.truth.displacement_m > rig.status.values["longest_m"]
+    # Nothing has wound up: the setpoint stands close to where the wire is.
+    assert 0.0 < rig.output.setpoint_m - rig.output.estimate.displacement_m < 0.025 * full_m
+    go(0.030, 10.0)
+    assert rig.bench.truth.displacement_m == pytest.approx(0.030, abs=0.02 * full_m)
+
+
 def test_its_limit_is_a_stress_that_is_told_as_a_load_too(mapping):
     rig = Rig(mapping, "coil", load=Weight(0.13))
     rig.enable()

@@ -32,6 +32,9 @@ from .tuner import Tuner
 
 #: Share of the current's limit that counts as all of it: about the limit, a controller's output is noise.
 ALL_THERE_IS = 0.95
+#: Share of the full stroke that a wire beyond its long end is asked to be longer than it is: more than an estimate
+#: scatters by, so that no heat holds it back from where it goes by itself, and little, so that it comes back at once.
+LET_GO = 0.02
 
 
 @record(frozen=True, slots=True)
@@ -66,6 +69,7 @@ class Following:
         self._ends = Ends(config, chain.displacement_range_m, chain.knows_the_ends)
         self.short_m, self.long_m = chain.displacement_range_m  #: where it can be held at its load and limits
         self._beyond = ""  #: at which end the setpoint is held
+        self._goes_on = chain.knows_the_ends and self._ends.known  #: the estimate does, beyond the end of a calibration
         self._places = Places(config.calibration, config.wire.full_stroke_m)
         self._reach = Reach(config.wire.full_stroke_m, config.thermal.balance)
         self._controlled_s = nan  #: when the law was last stepped
@@ -163,10 +167,11 @@ class Following:
         """What the law is to reach [m], inside the working range."""
         tuning, supervisor = self._tuner.running, self._supervisor
         setpoint_m = self._commanding.position_m(seen.now_s) if tuning is None else tuning.setpoint_m
-        if self._commanding.mode is Mode.TRACKING and not self.short_m <= setpoint_m <= self.long_m:
+        long_m = self._longest_m(seen.estimate.displacement_m)
+        if self._commanding.mode is Mode.TRACKING and not self.short_m <= setpoint_m <= long_m:
             limits.add(SETPOINT_RANGE)
             self._beyond = "short" if setpoint_m < self.short_m else "long"
-            setpoint_m = min(max(setpoint_m, self.short_m), self.long_m)
+            setpoint_m = min(max(setpoint_m, self.short_m), long_m)
         setpoint_m = max(setpoint_m, supervisor.stress_floor_m)
         self._reach.step(
             seen.now_s,
@@ -193,6 +198,16 @@ class Following:
             if vain:
                 supervisor.latch(no_motion, vain)
         return max(setpoint_m, self._reach.floor_m)
+
+    def _longest_m(self, here_m: float) -> float:
+        """The longest setpoint [m] of a wire that is here.
+
+        The long end is where a wire came while it was calibrated, in the time that it was given; where it goes beyond
+        by itself, nothing is to hold it back.
+        """
+        if not self._goes_on:
+            return self.long_m
+        return max(self.long_m, here_m) + LET_GO * self.config.wire.full_stroke_m
 
     def _current_A(self, seen: Seen, setpoint_m: float, is_new: bool, limits: set[Limit]) -> float:
         controller, tuning = self.controller, self._tuner.running

@@ -24,8 +24,8 @@ SETPOINT_RANGE = Limit(
     "Ask for positions between shortest_m and longest_m of the status, or change the load",
     "setpoint shorter or longer than the wire can be held at its present load: the ends of the calibration at this "
     "stress, inside model.displacement_range for the thesis's models; no shorter than the heat reaches that "
-    "supply.max_current holds (without a watchdog: thermal.unwatched_margin). Without a calibration: "
-    "model.displacement_range",
+    "supply.max_current holds (without a watchdog: thermal.unwatched_margin). Beyond its long end a wire of the "
+    "whole-range model is let go, at the bias: no heat holds it back. Without a calibration: model.displacement_range",
     ONE_STEP,
 )
 SETPOINT_RATE = Limit(
