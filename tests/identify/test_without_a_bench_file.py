@@ -243,3 +243,11 @@ class TestHeatCapacity:
         usual_s = held_J_K / still_air_W_K(self.WIRE)
         assert _may_be(Balance(usual_s / times_still_air), self.WIRE)
         assert not _may_be(Balance(usual_s / times_still_air * (0.9 if times_still_air > 1.0 else 1.1)), self.WIRE)
+
+
+@pytest.mark.parametrize("out", ["", ".", "folder"])
+def test_a_folder_is_no_file_of_a_model(tmp_path, monkeypatch, capsys, out):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder").mkdir()
+    assert main(["identify", "nowhere.csv", "--force", "--out", out]) == 1
+    assert "is a folder; the file of the model is wanted, as my_wire.yaml" in capsys.readouterr().err
