@@ -19,6 +19,7 @@ class Errors:
     losses: np.ndarray
     percent: np.ndarray  #: mean absolute error, % of full stroke
     unexpected_percent: np.ndarray  #: what of that the calibration does not let expect
+    left: float  #: squares of the residual, over those of the calibration
     witnesses: dict[str, float]  #: how far off each is that there is, rms in standard deviations of the calibration
 
 
@@ -40,4 +41,5 @@ def errors_by(comparison: Comparison, rows: np.ndarray, percent: np.ndarray, une
     number = np.bincount(witness, minlength=len(WITNESSES))
     squares = np.bincount(witness, off**2, minlength=len(WITNESSES))
     witnesses = {name: math.sqrt(s / n) for name, s, n in zip(WITNESSES, squares, number, strict=True) if n}
-    return Errors(comparison, losses(evidence, rows), percent, unexpected_percent, witnesses)
+    left = float(np.sum(rows[: evidence.rows_of_samples] ** 2) / evidence.independent.sum())
+    return Errors(comparison, losses(evidence, rows), percent, unexpected_percent, left, witnesses)

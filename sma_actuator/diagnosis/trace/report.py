@@ -127,7 +127,13 @@ def sentence(tracing: Tracing, depends: dict[str, float], alternatives: Sequence
     text += f" By its form it goes with {goes_with}." if goes_with else ""
     by_name = tracing.probabilities.by_name
     likely = [n for n, share in by_name.items() if n not in NO_NAMES and share >= LEAST_SAID][: LIMITS.names]
-    if tracing.probabilities.best[0] in NO_NAMES:
+    if tracing.leaves_more and tracing.probabilities.best[0] not in NO_NAMES:
+        off, usual = (math.sqrt(squares) for squares in (tracing.after.left, tracing.lets_be_left))
+        text += (
+            f" The most probable names leave {off:.1f} times what the calibration did, and {usual:.1f} times "
+            "is the most that a usual session and their own forms let expect: they are not all of it, or others are"
+        )
+    elif tracing.probabilities.best[0] in NO_NAMES:
         text += f" It looks like {looks_like}, but has not quite that form." if looks_like else ""
         text += " Something else than any of them is the most probable"
     else:

@@ -20,7 +20,7 @@ from sma_actuator.fleet import spread
 from .bent import moved_by_bends
 from .candidates import Candidate
 from .covariance import Covariance
-from .evidence import Evidence
+from .evidence import Comparison, Evidence
 from .likeliest import likeliest
 from .limits import LIMITS
 from .problem import Likeliest
@@ -97,6 +97,25 @@ class Rows:
             self.share = evidence.readings / independent / as_one(evidence, self.smooth, self.plain)
         #: Of a session in which nothing has happened.
         self.usual = self._covariance()
+
+    def lets_be_left(self, with_effects: Comparison) -> float:
+        """Squares of the residual that may be left, over those of the calibration, with the probability that a name
+        needs: with the smooth errors that a model makes on any session, and with the form of the effects as far off as
+        one may be; without such, all.
+
+        Such squares scatter as those of a few errors, as many as these have in common (Satterthwaite 1946).
+        """
+        if self.smooth is None:
+            return math.inf
+        from scipy.stats import chi2
+
+        samples = slice(self.evidence.rows_of_samples)
+        moved = LIMITS.form * (with_effects.off - self.off)[samples, None]
+        together = np.column_stack((LIMITS.smooth * self.smooth.repeating[samples], moved))
+        squares = np.linalg.eigvalsh(together.T @ together)
+        errors = squares.sum() ** 2 / np.sum(squares**2)
+        most = squares.sum() * float(chi2.ppf(LIMITS.enough, errors)) / errors
+        return 1.0 + most / float(np.sum(self.smooth.weight[samples] ** 2))
 
     def _covariance(self, *more: np.ndarray, alone: tuple[np.ndarray, np.ndarray] | None = None) -> Covariance:
         columns = (LIMITS.smooth * self.smooth.repeating, *more) if self.smooth is not None else ()

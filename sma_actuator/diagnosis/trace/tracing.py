@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -35,12 +36,19 @@ class Tracing:
     before: Errors  #: without any effect
     after: Errors  #: with the fit
     prior: dict[tuple[str, ...], float]  #: probabilities before the logs
+    lets_be_left: float = math.inf  #: squares of the residual that such a fit may leave, over those of the calibration
 
     @property
     def share(self) -> float:
         """Share of the excess loss that is explained."""
         before, after, expected = self.before.losses.mean(), self.after.losses.mean(), self.evidence.expected_loss
         return float(min((before - after) / (before - expected), 1.0)) if before > expected else 0.0
+
+    @property
+    def leaves_more(self) -> bool:
+        """Whether the most probable effects are not all of it, or others: where they were not fitted they leave more
+        than a session in which nothing has happened, and than their own forms."""
+        return self.fit is not None and self.after.left > self.lets_be_left
 
     @property
     def chosen(self) -> Hypothesis:
@@ -116,7 +124,9 @@ def trace(
     # Of what has no name, the most probable effect is worth a word where the model is better with it, and no other.
     if verdict == "unexplained" and found.held_out.unexpected_percent.mean() >= before.unexpected_percent.mean():
         return result
-    return dataclasses.replace(result, fit=found, after=found.held_out)
+    may = rows.lets_be_left(found.held_out.comparison)
+    result = dataclasses.replace(result, fit=found, after=found.held_out, lets_be_left=may)
+    return dataclasses.replace(result, verdict="unexplained", names=[]) if result.leaves_more else result
 
 
 def of_the_model(names: Sequence[str]) -> list[str]:

@@ -384,6 +384,20 @@ def test_a_slip_is_no_drift_however_much_a_drift_mends(wire, config):
     assert wrong.nats < -3.0
 
 
+def test_names_that_leave_more_than_a_session_does_in_which_nothing_happened_are_not_given(wire, config):
+    """What sticks and slips is much like a backlash, and is more than that."""
+    logs = session(wire[0], {"stick_slip": 1.2e-4}, load=Spring(300.0, 0.5), logs=1)
+    found = trace(Evidence(logs, config), jobs=1)
+    verdict, names = found.probabilities.verdict
+    assert verdict == "traced" and "backlash" in names
+    assert found.after.left > 1.3 * found.lets_be_left
+    assert found.verdict == "unexplained" and found.names == []
+    said = sentence(found, {}, [])
+    off, usual = math.sqrt(found.after.left), math.sqrt(found.lets_be_left)
+    assert f"The most probable names leave {off:.1f} times what the calibration did" in said
+    assert f"{usual:.1f} times is the most" in said and "not all of it, or others are; of the names" in said
+
+
 def test_a_slip_before_the_logs_is_hardly_told_from_a_zero_that_has_moved(wire, config):
     """Every reading of the sensor is off by the same."""
     log = session(wire[0], logs=1)[0]
