@@ -153,7 +153,8 @@ def beyond_words(asked: float, status: Status) -> str:
         )
     return (
         f"{asked * 1e3:.3f} mm is beyond where the wire can be held at this load, {low * 1e3:.3f} to "
-        f"{high * 1e3:.3f} mm; it is held at its {'short' if asked < low else 'long'} end, {end * 1e3:.3f} mm"
+        f"{high * 1e3:.3f} mm; it {'is held at its short' if asked < low else 'goes to its long'} end, "
+        f"{end * 1e3:.3f} mm"
     )
 
 
