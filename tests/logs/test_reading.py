@@ -194,7 +194,7 @@ def test_other_words_and_units_are_asked_for_and_taken(foreign, capsys):
     assert main(["check-log", str(folder), *MAPPED, "--unit", "displacement_m=1mm", "--length", "100mm"]) in (0, 1)
     assert "a.csv and 1 more: wire_voltage_V: 'U_Draht [mV]' is in mV" in capsys.readouterr().err
     columns = column_map(THEIRS, ("displacement_m=1mm",), (), None)
-    read, _ = read_logs([folder], ReadingOptions(columns))
+    (read,) = read_logs([folder], ReadingOptions(columns))  # the second file is a copy
     np.testing.assert_allclose(read["displacement_m"], log["displacement_m"], atol=1e-6)
     np.testing.assert_allclose(read["load_N"], log["load_N"], rtol=1e-3)
 
