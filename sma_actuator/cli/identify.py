@@ -142,9 +142,7 @@ def run(args: argparse.Namespace) -> int:
         asked = {name: getattr(args, name) for name in ("model", "method", "variant", "order", "no_extension")}
         asked |= {"given": given, "reading": reading_of(args)}
         return run_fleet(args, "identify", fit_logs, args.logs, args.config or "", asked, True, str(args.out))
-    if args.out.is_dir():
-        raise ConfigError(f"--out {args.out}: is a folder; the file of the model is wanted, as my_wire.yaml")
-    page = args.report or args.out.with_suffix(".html")
+    page = args.report or args.out.parent / f"{args.out.stem}.html"
     refuse_to_overwrite(args, args.out, page)
     reading, console = reading_of(args), notes(args)
     mapping = _what_is_given(args)

@@ -97,10 +97,14 @@ def _console(stream: Any, quiet: bool = False) -> Console:
 
 def refuse_to_overwrite(args: argparse.Namespace, *paths: Path | None) -> None:
     """Raise UserError where one of the files to be written exists and ``--force`` was not given, or cannot be written:
-    a file is in the place of its folder, or the folder is not ours to write to.  What takes minutes then has no end."""
+    it is a folder, a file is in the place of its folder, or the folder is not ours to write to.  What takes minutes
+    then has no end."""
     for path in (*paths, getattr(args, "json", None), getattr(args, "csv", None)):
         if path is None or path == _STANDARD_OUTPUT:
             continue
+        if path.is_dir():
+            option = next((f"--{name.replace('_', '-')} " for name, value in vars(args).items() if value is path), "")
+            raise UserError(f"{option}{path}: is a folder; name a file, in it or elsewhere")
         nearest = next((folder for folder in path.parents if folder.exists()), None)
         if nearest is not None and not nearest.is_dir():
             raise UserError(f"{nearest}: is a file; a folder for {path.name} is wanted")

@@ -250,4 +250,4 @@ def test_a_folder_is_no_file_of_a_model(tmp_path, monkeypatch, capsys, out):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "folder").mkdir()
     assert main(["identify", "nowhere.csv", "--force", "--out", out]) == 1
-    assert "is a folder; the file of the model is wanted, as my_wire.yaml" in capsys.readouterr().err
+    assert f"--out {out or '.'}: is a folder; name a file, in it or elsewhere" in capsys.readouterr().err

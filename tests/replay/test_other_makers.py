@@ -295,6 +295,8 @@ def test_no_command_overwrites_a_file_unasked(flexinol, model_file, tmp_path, ca
         assert (tmp_path / "mine").read_text() == "mine"
         assert main([*words, "--force"]) == 0
         assert (tmp_path / "mine").read_text() != "mine"
+        assert main([*words[:-1], str(tmp_path), "--force"]) == 1
+        assert f"{option} {tmp_path}: is a folder; name a file, in it or elsewhere" in capsys.readouterr().err
     assert (
         main(["identify", log, "--config", str(flexinol.folder / "bench.yaml"), "--model", "flexinol", "--out", log])
         == 1
