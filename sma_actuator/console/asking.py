@@ -94,7 +94,7 @@ class Asking:
             if self.answered(name):
                 answer = self._answers[name]
                 text = str(answer.pop(0) if isinstance(answer, list) else answer).strip()
-                self._console.print(f"  {text} (from the file of answers)")
+                self._console.print(f"  {text} (given)")
                 return text
             line = self._line(meanwhile)
             if line is None and not may_be_empty:

@@ -355,7 +355,7 @@ class ScpiDaq:
                 "its list of channels is one for all who ask: each would read the other's"
             )
         pause_s = 0.0 if self._is_supply else self._instrument.opening_pause
-        with self._session.within(pause_s + OPENING_ANSWERS * self._instrument.timeout):
+        with self._session.within(pause_s + OPENING_ANSWERS * self._instrument.timeout, line_by_line=True):
             if not self._is_supply:
                 self._session.open()
                 self._session.let_begin(pause_s)

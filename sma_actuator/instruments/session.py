@@ -68,6 +68,7 @@ class Session:
         self.off_lines = tuple(off_lines)
         self._addresses: list[tuple] = []  #: asked for once: a name server may be slower than any instrument
         self._deadline_s = math.inf
+        self._line_by_line = False  #: each line told before an answer gives that its time
         self._answers = 0  #: that have come since a block with a deadline of its own began
         self._began_s = math.nan
         self._is_understood = False  #: it has answered a question, on whatever connection
@@ -110,16 +111,21 @@ class Session:
         return other
 
     @contextlib.contextmanager
-    def within(self, timeout_s: float | None = None) -> Iterator[None]:
-        """Whatever is said and asked in this block is complete in this time, that of one answer if not given."""
+    def within(self, timeout_s: float | None = None, line_by_line: bool = False) -> Iterator[None]:
+        """Whatever is said and asked in this block is complete in this time, that of one answer if not given.
+
+        ``line_by_line``: an answer may take its time for each line told before it as well, as a slow instrument does.
+        """
         with self.lock:
             before_s, answers, began_s = self._deadline_s, self._answers, self._began_s
+            before, self._line_by_line = self._line_by_line, line_by_line
             self._answers, self._began_s, self.late_since_s = 0, time.monotonic(), math.inf
             self._deadline_s = min(before_s, self._began_s + (self._timeout_s if timeout_s is None else timeout_s))
             try:
                 yield
             finally:
                 self._deadline_s, self._answers, self._began_s = before_s, answers, began_s
+                self._line_by_line = before
 
     def open(self, lock: bool = False) -> None:
         """Connect and say off; with ``lock``, under VISA's exclusive lock where the resource class has one.
@@ -269,7 +275,8 @@ class Session:
     def introduce(self, line: str, identity: Pattern) -> str:
         """Ask who it is, as the first question on a connection: the answer, whether it is like ``identity`` or not.
 
-        Raises InstrumentRefused where commands told before were answered, and nothing says that they are.
+        Raises InstrumentRefused where commands told before were answered, and nothing says that they are. Where nothing
+        was told, lines before its name are answers to an earlier connection, as a serial line brings them.
         """
         with self.lock:
             by_s = self._by_s()
@@ -285,7 +292,7 @@ class Session:
                 raise self._repeats(line)
             if not said or not said.replace("\t", " ").isprintable():
                 raise self.garbled(line, said, "", self.may_begin_anew)
-            if said != lines[0] and self._manner.acknowledgement is None:
+            if said != lines[0] and self._manner.acknowledgement is None and (self._told or self._is_understood):
                 answers = lines[:-1]  # to each line the same, and on a serial line to those of an earlier connection
                 if self._is_understood or len(answers) < len(self._told) or len(set(answers)) > 1:
                     raise self._unasked("; ".join(answers), lines[0])
@@ -348,7 +355,8 @@ class Session:
                 _log.debug("%s: closing: %s", self.name, error)
 
     def _by_s(self) -> float:
-        return min(self._deadline_s, time.monotonic() + self._timeout_s)
+        lines = 1 + (len(self._told) if self._line_by_line else 0)
+        return min(self._deadline_s, time.monotonic() + lines * self._timeout_s)
 
     def _connect(self, lock: bool) -> ByteStream:
         name = pyvisa.rname.ResourceName.from_string(self.resource)

@@ -135,7 +135,7 @@ class SessionSupply(ABC):
         """
         session = self._session
         self._promise(0.0)  # who opens it says off first, again and again, and may wait for long
-        with session.within(OPENING_ANSWERS * self._instrument.timeout):
+        with session.within(OPENING_ANSWERS * self._instrument.timeout, line_by_line=True):
             if self._instrument.exclusive_lock and self._claim is None:
                 self._claim = self._claimed_soon()
             try:

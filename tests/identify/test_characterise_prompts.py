@@ -181,7 +181,7 @@ def test_a_file_may_answer_and_nobody_at_the_input_is_a_sentence(bench, tmp_path
     skipped = ("--skip", "lead_resistance", "--skip", "load_cell", "-q")
     answered = run(words(bench, tmp_path / "out", *skipped, "--answers", str(answers)))
     assert answered.returncode == 0, answered.stderr
-    assert "► Hang 61.2 g" in answered.stderr and "done (from the file of answers)" in answered.stderr
+    assert "► Hang 61.2 g" in answered.stderr and "done (given)" in answered.stderr
     assert re.search(r"0\.\d+ N of 0.600 N by its calibration: settled", answered.stderr)
     bench[1].hang_load(0.02)
     skipped += ("--skip", "check")  # it was seen above to come before

@@ -81,20 +81,20 @@ def test_opening_has_the_time_of_thirty_answers_and_a_reading_that_of_one(supply
     times_s = []
 
     @contextlib.contextmanager
-    def within(self, timeout_s=None):
-        times_s.append(timeout_s)
+    def within(self, timeout_s=None, line_by_line=False):
+        times_s.append((timeout_s, line_by_line))
         yield
 
     monkeypatch.setattr(Session, "within", within)
     (one, _), (other, other_server) = supply(), daq()
     one.open()
     other.open()
-    assert [each for each in times_s if each is not None] == [300.0, 300.0]
+    assert [each for each in times_s if each[0] is not None] == [(300.0, True), (300.0, True)]
     other_server.replies["FETC:AVER?"] = "1,2,3"
     for ask in (one.read_back, one.switch_off, other.read_block):
         times_s.clear()
         ask()
-        assert times_s == [None]
+        assert times_s == [(None, False)]
 
 
 @pytest.mark.parametrize(

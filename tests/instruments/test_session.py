@@ -12,6 +12,7 @@ from unittest.mock import Mock
 
 import pytest
 import pyvisa
+from tcp_line import TcpInstrument
 
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.instruments import (
@@ -238,6 +239,18 @@ def test_one_whose_only_off_line_is_answered_is_told_by_which_word(peer):
     said = r"it answers commands \('OK' to 'OUTP OFF'\): put acknowledgement: 'OK' into its dialect"
     with pytest.raises(InstrumentRefused, match=said):
         session.introduce("*IDN?", Pattern("MAKER", whole=False))
+
+
+def test_readings_that_an_earlier_connection_asked_for_are_no_answer_to_who_it_is(peer):
+    """Nothing was told before, as of a DAQ on a serial line whose scan outlasts the program that asked for it."""
+    session = Session("daq", peer.resource, Manner(), PATIENT_s, [])
+    session.open()
+    peer.accept()
+    peer.answer(b"+1.0E-03,+2.0E-03\nMAKER,1\n")
+    assert session.introduce("*IDN?", Pattern("MAKER", whole=False)) == "MAKER,1"
+    peer.answer(b"0\n")
+    assert session.ask("SYST:ERR?") == "0"
+    session.close()
 
 
 def test_one_that_greets_and_repeats_what_it_hears_is_said_to_repeat_it(peer, session):
@@ -468,6 +481,19 @@ def test_before_the_first_question_of_a_transaction_nothing_was_answered(session
     with session.within(), pytest.raises(InstrumentLost, match="no complete answer to 'OUTP\\?'") as lost:
         session.ask("OUTP?")
     assert "answers before it" not in str(lost.value)
+
+
+def test_an_instrument_that_takes_its_time_for_each_line_is_opened():
+    """Each line is done well within the time for an answer; all that are told at once are not."""
+    with TcpInstrument(lambda line: "0" if line.endswith("?") else None, slow_s=TIMEOUT_s / 4) as slow:
+        session = Session("supply", slow.resource, Manner(), TIMEOUT_s)
+        session.open()
+        with session.within(PATIENT_s, line_by_line=True):
+            session.tell(*["CURR 0"] * 6)
+            assert session.ask("SYST:ERR?") == "0"
+        session.tell(*["CURR 0"] * 6)
+        with pytest.raises(InstrumentLost, match=r"no complete answer to 'SYST:ERR\?' within 0.4 s"):
+            session.ask("SYST:ERR?")
 
 
 def test_a_late_answer_is_waited_for_as_long_as_it_may_take_and_no_longer(peer):
