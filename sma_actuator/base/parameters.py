@@ -283,7 +283,7 @@ def from_mapping(cls: type, mapping: Mapping[str, Any], prefix: str = "") -> tup
     A class with ``contradictions()`` says itself what no single range can.
     """
     if not isinstance(mapping, Mapping):
-        return None, [f"{prefix.rstrip('.') or 'configuration'}: {_shown(mapping)} is not a section of parameters"]
+        return None, [not_a_section(prefix.rstrip(".") or "configuration", mapping)]
     fields = {f.name: f for f in dataclasses.fields(cls) if f.init and "named" not in f.metadata}
     values, problems = _read_others(cls, {key: mapping[key] for key in mapping if key not in fields}, fields, prefix)
     for name, field in fields.items():
@@ -338,6 +338,11 @@ def refuse(problems: list[str], source: str) -> None:
     """Raise ConfigError with what is wrong with ``source``, where anything is."""
     if problems:
         raise ConfigError([f"{source}: {problem}" if source else problem for problem in problems])
+
+
+def not_a_section(name: str, value: Any) -> str:
+    """The sentence for what stands in the place of a section."""
+    return f"{name}: {_shown(value)} is not a section of parameters"
 
 
 def no_such_parameter(name: str, known: Collection[str], prefix: str = "") -> str:

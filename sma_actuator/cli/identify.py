@@ -15,7 +15,7 @@ from rich.table import Table
 
 from sma_actuator.base.options import number_within
 from sma_actuator.base.parameter_file import read_parameter_file
-from sma_actuator.base.parameters import ConfigError
+from sma_actuator.base.parameters import ConfigError, not_a_section
 from sma_actuator.base.yaml_text import parse_yaml
 from sma_actuator.config import (
     Config,
@@ -243,7 +243,7 @@ def _what_is_given(args: argparse.Namespace) -> dict[str, Any]:
 def _section(mapping: Mapping[str, Any], name: str) -> Mapping[str, Any]:
     section = mapping.get(name, {})
     if not isinstance(section, Mapping):
-        raise ConfigError(f"{name}: {section!r:.60} is not a section of parameters")
+        raise ConfigError(not_a_section(name, section))
     return section
 
 
