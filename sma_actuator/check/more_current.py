@@ -59,30 +59,23 @@ def at_more(probe: Probe) -> None:
     else:
         probe.say("linearity", f"the same resistance at {more_A * 1e3:.3g} mA, within {abs(away_Ohm):.2g} Ω")
         circuit_Ohm = config.circuit.reference_resistance * reading.supply_voltage_V / reading.reference_voltage_V
-        _compliance(probe, circuit_Ohm)
-        _ranges(probe, circuit_Ohm)
+        _at_the_largest(probe, circuit_Ohm)
 
 
-def _compliance(probe: Probe, circuit_Ohm: float) -> None:
-    """Does the supply's voltage drive the largest current through the cold wire?"""
+def _at_the_largest(probe: Probe, circuit_Ohm: float) -> None:
+    """Do the supply's voltage and the channels reach as far as the largest current makes of the cold circuit?"""
     config = probe.config
-    wanted_V = circuit_Ohm * config.supply.max_current
-    if wanted_V > COMPLIANCE * config.supply.max_voltage:
+    most_A, max_V, ends_V = config.supply.max_current, config.supply.max_voltage, config.safety.channel_max_voltage
+    wanted_V = circuit_Ohm * most_A
+    if wanted_V > COMPLIANCE * max_V:
         probe.say(
             "voltage",
-            f"supply.max_voltage, {config.supply.max_voltage:g} V, drives no more than "
-            f"{config.supply.max_voltage / circuit_Ohm:.3g} A through wire, leads and sense resistor, "
-            f"{circuit_Ohm:.3g} Ω, and the driver switches off where it asks for supply.max_current, "
-            f"{config.supply.max_current:g} A, in vain: write supply.max_voltage: "
-            f"{compliance_V(wanted_V):g}, or less for supply.max_current",
+            f"supply.max_voltage, {max_V:g} V, drives no more than {max_V / circuit_Ohm:.3g} A through wire, leads and "
+            f"sense resistor, {circuit_Ohm:.3g} Ω, and the driver switches off where it asks for supply.max_current, "
+            f"{most_A:g} A, in vain: write supply.max_voltage: {compliance_V(wanted_V):g}, or less for "
+            "supply.max_current",
             Level.WARNING,
         )
-
-
-def _ranges(probe: Probe, circuit_Ohm: float) -> None:
-    """Do the channels reach as far as the largest current makes of the cold circuit?"""
-    config = probe.config
-    most_A, ends_V = config.supply.max_current, config.safety.channel_max_voltage
     for name, each_Ohm in (
         ("supply_voltage_V", circuit_Ohm),
         ("reference_voltage_V", config.circuit.reference_resistance),

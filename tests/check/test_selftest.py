@@ -513,19 +513,18 @@ def test_wires_that_are_broken_in_a_bundle_are_counted(carry):
     assert not self_test_of_a_bundle("parallel", (4, "parallel"), calibrated=True)
 
 
-@pytest.mark.parametrize(("max_V", "written"), [(4.0, None), (2.4, "3.3")])
-def test_a_compliance_voltage_too_low_for_the_cold_circuit_is_seen(max_V, written):
-    """The driver switched off where it asked for its largest current: 0.4 A through 6.6 Ω."""
-    stand = Stand(lambda stand: stand.change(supply__max_voltage=max_V))
-    said = [each for each in stand.found if each.part == "voltage"]
-    assert [each.level for each in said] == ([Level.WARNING] if written else [])
-    assert all(f"write supply.max_voltage: {written}" in each.sentence for each in said) and not stand.wrong
-
-
-@pytest.mark.parametrize(("ends_V", "most_A"), [(10.0, None), (2.5, "0.37")])
-def test_a_channel_too_short_for_the_largest_current_is_seen_before_the_wire_is_driven(ends_V, most_A):
-    """A long thin wire passed at the bias, and was switched off by the first pulse: 0.4 A through 6.6 Ω are 2.6 V."""
-    stand = Stand(lambda stand: stand.change(safety__channel_max_voltage=ends_V))
-    said = [each for each in stand.found if each.part == "range"]
-    assert [each.level for each in said] == ([Level.WARNING] if most_A else [])
-    assert all(f"supply.max_current: {most_A}" in each.sentence for each in said) and not stand.wrong
+@pytest.mark.parametrize(
+    ("part", "change", "wanted"),
+    [
+        ("voltage", {"supply__max_voltage": 4.0}, None),
+        ("voltage", {"supply__max_voltage": 2.4}, "write supply.max_voltage: 3.3"),
+        ("range", {"safety__channel_max_voltage": 10.0}, None),
+        ("range", {"safety__channel_max_voltage": 2.5}, "supply.max_current: 0.37"),
+    ],
+)
+def test_what_is_too_short_for_the_largest_current_is_seen_before_the_wire_is_driven(part, change, wanted):
+    """0.4 A through 6.6 Ω are 2.6 V: it passed at the bias, and the driver switched off by the first pulse."""
+    stand = Stand(lambda stand: stand.change(**change))
+    said = [each for each in stand.found if each.part == part]
+    assert [each.level for each in said] == ([Level.WARNING] if wanted else [])
+    assert all(wanted in each.sentence for each in said) and not stand.wrong
