@@ -48,7 +48,7 @@ def identified(wire: str, physics: str) -> Config:
         bench = VirtualBench.from_name(wire, seed=1, physics=physics, cycles=TRAINED)
         config = bench_from_mapping(mapping)
         rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
-        operator = BenchOperator(bench, config.wire.max_stress * config.wire.area_m2)
+        operator = BenchOperator(bench, config.wire.max_stress * config.wire.area_m2, config.wire.full_stroke_m)
         with tempfile.TemporaryDirectory() as folder:
             characterise(mapping, make_plan(config, PLAN), rig, operator, Path(folder))
             found = identify(

@@ -43,6 +43,7 @@ THESIS = {
     "direct_switching": ((1.11, 1.16, 0.85, 2.27), None),
     "transition": ((1.28, 1.08, 0.73, 2.13), None),
 }
+PRELOAD_AT_m = 0.004  #: displacement where a spring has its preload, of every wire: what the figures are of
 TRAINED = 40.0  #: cycles that a wire has done before it is measured: fewer than one in training wants
 CALIBRATION = PlanOptions(skip=("training", "fatigue"), average_s=2.0)
 JUDGED = PlanOptions(
@@ -60,7 +61,7 @@ def logs_of(wire: str, options: PlanOptions, seed: int, physics: str = HOME) -> 
     config = bench_from_mapping(mapping)
     bench = VirtualBench.from_name(wire, seed=seed, physics=physics, cycles=TRAINED)
     rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
-    operator = BenchOperator(bench, config.wire.max_stress * config.wire.area_m2)
+    operator = BenchOperator(bench, config.wire.max_stress * config.wire.area_m2, PRELOAD_AT_m)
     with tempfile.TemporaryDirectory(prefix="sma_tables_") as folder:
         characterise(mapping, make_plan(config, options), rig, operator, Path(folder))
         logs = [read_bench_log(path) for path in sorted(Path(folder).glob("p*.csv"))]

@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from replay_tables import PRELOAD_AT_m
 
 from sma_actuator.base.calibration import unknown_since_then_m
 from sma_actuator.base.share import shared_file
@@ -185,7 +186,7 @@ def characterised(mapping: dict[str, Any], options: PlanOptions, bench: VirtualB
     """Make the logs of a plan on a bench with these parameters."""
     config = bench_from_mapping(mapping)
     rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
-    operator = BenchOperator(bench, config.wire.max_stress * config.wire.area_m2)
+    operator = BenchOperator(bench, config.wire.max_stress * config.wire.area_m2, PRELOAD_AT_m)
     characterise(mapping, make_plan(config, options), rig, operator, folder)
 
 

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 from blind_cases import LADDER_N, currents_A
-from replay_tables import TRAINED
+from replay_tables import TRAINED, PRELOAD_AT_m
 from rich.console import Console
 from rich.table import Table
 
@@ -77,7 +77,7 @@ def bench_of(wire: str, physics: str, seed: int, load=None, cycles: float = TRAI
 def characterised(wire: OneWire, options: PlanOptions, seed: int, folder: Path) -> list[Path]:
     """The logs that `sma-actuator characterise --virtual` would write."""
     bench, rig = wire.on_bench(seed)
-    operator = BenchOperator(bench, rig.config.wire.max_stress * rig.config.wire.area_m2)
+    operator = BenchOperator(bench, rig.config.wire.max_stress * rig.config.wire.area_m2, PRELOAD_AT_m)
     mapping = read_parameter_file(shared_file(f"config/{wire.name}_bench.yaml"))
     characterise(mapping, make_plan(rig.config, options), rig, operator, folder)
     wire.came_off(bench)

@@ -34,7 +34,7 @@ def virtual_rig(wire, seed=0, **bench_options):
     config = bench_from_mapping(bench_mapping(wire))
     bench = VirtualBench.from_name(wire, seed=seed, **bench_options)
     rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
-    return bench, rig, BenchOperator(bench, config.wire.max_stress * config.wire.area_m2)
+    return bench, rig, BenchOperator(bench, config.wire.max_stress * config.wire.area_m2, config.wire.full_stroke_m)
 
 
 class Characterised:

@@ -102,13 +102,10 @@ class TerminalOperator:
 
 
 class BenchOperator:
-    """Acts on a virtual bench in this process."""
+    """Acts on a virtual bench in this process; ``extended_m``: displacement where a spring has its preload."""
 
-    def __init__(self, bench, largest_force_N: float, extended_m: float | None = None):
-        """``extended_m``: displacement at full extension, where a spring has its preload; the bench's usual one if
-        left out."""
-        self._bench, self._largest_force_N = bench, largest_force_N
-        self._extended_m = () if extended_m is None else (extended_m,)
+    def __init__(self, bench, largest_force_N: float, extended_m: float):
+        self._bench, self._largest_force_N, self._extended_m = bench, largest_force_N, extended_m
 
     def _put(self, load) -> None:
         self._bench.load = load
@@ -131,7 +128,7 @@ class BenchOperator:
     def fit_spring(self, stiffness_N_m: float, preload_N: float) -> None:
         from sma_actuator.bench import Spring
 
-        self._put(Spring(stiffness_N_m, preload_N, *self._extended_m))
+        self._put(Spring(stiffness_N_m, preload_N, self._extended_m))
 
     def place_probe(self, number: int, count: int) -> float:
         self.hang_load(self._largest_force_N * (number + 0.5) / count)  # the cold wire moves the probe
@@ -139,7 +136,7 @@ class BenchOperator:
 
 
 class ScpiBenchOperator:
-    """Acts on a virtual bench over its ``BENCh:`` commands, on a connection of its own."""
+    """Acts on a virtual bench over its ``BENCh:`` commands, on a connection of its own; arguments as there."""
 
     def __init__(self, resource: str, largest_force_N: float, extended_m: float):
         import pyvisa

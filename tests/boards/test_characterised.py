@@ -20,8 +20,8 @@ PLAN = dataclasses.replace(SHORT, skip=("lead_resistance", "fatigue"))
 class Person(BenchOperator):
     """Needs a second to hang something, in which the board reads the load cell."""
 
-    def __init__(self, board, largest_force_N):
-        super().__init__(board.bench, largest_force_N)
+    def __init__(self, board, largest_force_N, extended_m):
+        super().__init__(board.bench, largest_force_N, extended_m)
         self._board = board
 
     def _put(self, load):
@@ -38,7 +38,7 @@ def test_a_wire_is_characterised_identified_and_driven_on_the_board(tmp_path, mo
         del mapping[identified]
     config = bench_from_mapping(mapping)
     rig = Rig(config, supply, daq, board)
-    operator = Person(board, config.wire.max_stress * config.wire.area_m2)
+    operator = Person(board, config.wire.max_stress * config.wire.area_m2, config.wire.full_stroke_m)
     manifest = characterise(mapping, make_plan(config, PLAN), rig, operator, tmp_path / "logs")
     assert not board.world.heats
     assert manifest.data["parts"]

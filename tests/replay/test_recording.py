@@ -36,7 +36,8 @@ class Recorded:
         mapping["recorder"] = {"folder": str(folder), "max_file_size": max_file_size, "max_files": 100}
         self.config = Config.from_mapping(mapping)
         self.bench = VirtualBench.from_name("flexinol", seed=3)
-        self.operator = BenchOperator(self.bench, self.config.wire.max_stress * self.config.wire.area_m2)
+        wire = self.config.wire
+        self.operator = BenchOperator(self.bench, wire.max_stress * wire.area_m2, wire.full_stroke_m)
         self.recorder = BenchLogRecorder(self.config)
         instruments = (InProcessSupply(self.bench, self.config), InProcessDaq(self.bench, self.config))
         self.driver = Driver(self.config, *instruments, VirtualClock(self.bench), recorder=self.recorder)

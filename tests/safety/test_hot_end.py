@@ -73,7 +73,7 @@ def identified(request, tmp_path_factory):
         average_s=1.0,
         skip=("training", "fatigue"),
     )
-    operator = BenchOperator(bench, config.wire.max_stress * config.wire.area_m2)
+    operator = BenchOperator(bench, config.wire.max_stress * config.wire.area_m2, config.wire.full_stroke_m)
     characterise(mapping, make_plan(config, options), rig, operator, folder)
     logs = [read_bench_log(p) for kind in ("pulses", "partial") for p in sorted(folder.glob(f"{kind}_*.csv"))]
     return name, identify(logs, read_parameter_file(folder / "bench.yaml"), name, variant="transition", order=2).mapping

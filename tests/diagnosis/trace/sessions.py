@@ -32,7 +32,7 @@ def calibrated():
     config = bench_from_mapping(mapping)
     bench = VirtualBench.from_name(WIRE, seed=1)
     rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
-    operator = BenchOperator(bench, config.wire.max_stress * config.wire.area_m2)
+    operator = BenchOperator(bench, config.wire.max_stress * config.wire.area_m2, config.wire.full_stroke_m)
     options = PlanOptions(
         loads_N=(0.5, 0.98, 2.0),
         pulses=2,
