@@ -8,6 +8,7 @@ from sma_actuator.base.parameter_file import read_parameter_file
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.share import shared_file
 from sma_actuator.base.signals import Mode
+from sma_actuator.cli.remote.move import beyond_words
 from sma_actuator.config import Config
 from sma_actuator.plant.loads import Weight
 
@@ -47,7 +48,11 @@ def test_beyond_its_long_end_no_heat_holds_it_back_from_where_it_goes_by_itself(
     rig.enable()
     go(0.030, 15.0)
     assert "setpoint_range" not in rig.status.limits
+    little_m = rig.status.values["longest_m"] + 0.01 * full_m
+    go(little_m, 0.1)  # which it follows, and `move` says nothing else
+    assert "setpoint_range" not in rig.status.limits and not beyond_words(little_m, rig.status)
     go(1.0, 30.0)
+    assert "it goes to its long end" in beyond_words(1.0, rig.status)
     assert "setpoint_range" in rig.status.limits and "at its long end" in rig.status.message
     before = len(rig.outputs)
     go(1.0, 10.0)

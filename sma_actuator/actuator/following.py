@@ -167,11 +167,12 @@ class Following:
         """What the law is to reach [m], inside the working range."""
         tuning, supervisor = self._tuner.running, self._supervisor
         setpoint_m = self._commanding.position_m(seen.now_s) if tuning is None else tuning.setpoint_m
-        long_m = self._longest_m(seen.estimate.displacement_m)
-        if self._commanding.mode is Mode.TRACKING and not self.short_m <= setpoint_m <= long_m:
-            limits.add(SETPOINT_RANGE)
-            self._beyond = "short" if setpoint_m < self.short_m else "long"
-            setpoint_m = min(max(setpoint_m, self.short_m), long_m)
+        if self._commanding.mode is Mode.TRACKING:
+            within_m = min(max(setpoint_m, self.short_m), self._longest_m(seen.estimate.displacement_m))
+            if within_m != setpoint_m:
+                limits.add(SETPOINT_RANGE)
+                self._beyond = "short" if setpoint_m < self.short_m else "long"
+                setpoint_m = within_m
         setpoint_m = max(setpoint_m, supervisor.stress_floor_m)
         self._reach.step(
             seen.now_s,

@@ -181,7 +181,7 @@ def test_a_motion_that_is_held_ends_where_the_joint_is_measured_to_be():
 
 
 def test_of_an_angle_that_is_out_of_reach_the_status_says_where_the_joint_can_be_held():
-    """As `move` does before it moves."""
+    """As `move` does."""
     rig = HeldRig(joint_command_timeout=0.0, angle_rate_limit=0.5)
     rig.run(0.5)
     rig.switch_on()

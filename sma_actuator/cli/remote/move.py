@@ -25,6 +25,7 @@ LINE_s = 1.0
 FURTHEST_m = 0.5  #: no wire moves so far: who asks for it means millimetres
 NEAR_m, NEAR_rad = 0.05e-3, 0.01  #: what counts as there
 NEAR_SHARE = 0.0125  #: of what a wire reaches, where that is more: of a coil
+_BEYOND = {"setpoint_range", "angle_range"}  #: limits by which a node says that it does not follow so far
 _ANGLES = {"rad": 1.0, "deg": math.pi / 180.0, "°": math.pi / 180.0}
 _WIRE, _JOINT = "0.0025 (metres) or 2.5mm is wanted", "0.2 (radians), 0.2rad or 10deg is wanted"
 
@@ -98,8 +99,6 @@ def run(args) -> int:
             advised = "~/enable" in status.message  # as that of a fault is
             raise UserError(client.words(f"{client.full_name}: {status.message}{'' if advised else first}"))
         motion = _of_joint(client, args) if is_joint(status) else _of_wire(client, args, status)
-        if beyond := beyond_words(motion.asked, status):
-            print(f"{client.full_name}: {beyond}", file=sys.stderr, flush=True)
         client.advertise(motion.topic, type(motion.message))
         client.advertise("joint_trajectory", JointTrajectory)
         if status.mode is Mode.TRACKING and client.others_publish(motion.topic):
@@ -141,9 +140,10 @@ def _at(joint_name: str, position_m: float) -> Any:
 
 
 def beyond_words(asked: float, status: Status) -> str:
-    """A sentence where a place [m, of a joint rad] is beyond what can be reached now, or ""."""
+    """A sentence where a place [m, of a joint rad] that was sent is beyond what can be reached now, as the node says
+    itself, or "": a little beyond its end a wire may be followed."""
     low, high = _reach(status)
-    if not math.isfinite(high - low) or low <= asked <= high:
+    if _BEYOND.isdisjoint(status.limits) or not math.isfinite(high - low) or low <= asked <= high:
         return ""
     end = low if asked < low else high
     if is_joint(status):
@@ -220,7 +220,7 @@ def _send(client: NodeClient, motion: _Motion, args) -> float:
     Raises UserError where it does not come there, as soon as it is at the end before it.
     """
     start_s = time.monotonic()
-    standing, next_line_s = Standing(), start_s
+    standing, next_line_s, told = Standing(), start_s, False
     while (now_s := time.monotonic()) - start_s <= args.within:
         client.publish(motion.topic, motion.message)
         client.spin(SETPOINT_PERIOD_s)
@@ -229,6 +229,9 @@ def _send(client: NodeClient, motion: _Motion, args) -> float:
             raise UserError(client.words(f"{client.full_name}: {status.message}"))
         state = client.latest("joint_states", 1.0)
         beyond, (low, high) = beyond_words(motion.asked, status), _reach(status)
+        if beyond and not told:
+            print(f"{client.full_name}: {beyond}", file=sys.stderr, flush=True)
+            told = True
         aim = min(max(motion.asked, low), high) if beyond else motion.asked
         if state is None or not abs(state.position[0] - aim) <= motion.near:
             standing = Standing()
