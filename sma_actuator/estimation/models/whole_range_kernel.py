@@ -280,27 +280,8 @@ def advance(
     # wherever it stands.
     for _ in range(_START_PASSES + 1 if first else 1):
         if first:
-            at_rest(
-                time=time,
-                power=rested,
-                ambient=ambient,
-                resistance=resistance,
-                share=share,
-                thermal=n.thermal,
-                state=state,
-            )
-        features(
-            time=time,
-            power=power,
-            ambient=ambient,
-            resistance=resistance,
-            stress=stress,
-            thermal=n.thermal,
-            widths_K=n.widths_K,
-            widths_Ohm=n.widths_Ohm,
-            state=state,
-            out=n.seen,
-        )
+            at_rest(time, rested, ambient, resistance, share, n.thermal, state)
+        features(time, power, ambient, resistance, stress, n.thermal, n.widths_K, n.widths_Ohm, state, n.seen)
         rise_K = temperature_of(n.thermal, state) - ambient
         off_K, unsure_K = surroundings.off_K(other_K, rise_K, around)
         n.seen[APPARENT] -= off_K
