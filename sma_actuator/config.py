@@ -257,7 +257,7 @@ def _named(part: str, problems: list[str]) -> Iterator[None]:
 def _cross_checks(common: BenchConfig) -> list[str]:
     """What no single range can say."""
     problems = []
-    supply, safety, loop = common.supply, common.safety, common.loop
+    supply, safety = common.supply, common.safety
     if not supply.bias_current < supply.max_current:
         problems.append(
             f"supply.bias_current: {supply.bias_current:g} A is not below supply.max_current, {supply.max_current:g} A"
@@ -286,6 +286,13 @@ def _cross_checks(common: BenchConfig) -> list[str]:
         problems.append("safety.resistance_min: is not below safety.resistance_max")
     if not common.thermal.derate_temperature < common.thermal.max_temperature:
         problems.append("thermal.derate_temperature: is not below thermal.max_temperature")
+    return problems + _out_of_time(common)
+
+
+def _out_of_time(common: BenchConfig) -> list[str]:
+    """What the periods and timeouts of loop, instruments and supply say against each other."""
+    problems = []
+    supply, safety, loop = common.supply, common.safety, common.loop
     if loop.samples_per_block / loop.sample_rate > 1.0 / loop.rate * (1 + ROUNDING):
         problems.append(
             f"loop.samples_per_block: {loop.samples_per_block} samples at {loop.sample_rate:g} Hz take longer than one "
