@@ -37,7 +37,7 @@ _STEADY_SHARE = 0.9  #: of the time, with weights; a spring's load moves with th
 _SHORTEST = 10  #: samples of a stretch
 _MOST_CUTS = 3  #: of one log: more, and it is no programme, and is left whole as what most of its cycles are
 _ENOUGH = 8  #: full cycles of a stretch that are fitted: they repeat each other, and each costs time
-_MANY = 15  #: full cycles in a row of which no fit needs more, where other logs have full cycles too
+_MANY = 15  #: full cycles in a row of which no fit needs more, where other logs of that load have full cycles too
 
 
 def with_kinds(experiments: Sequence[Experiment], remembered: bool = False) -> list[Experiment]:
@@ -59,10 +59,10 @@ def with_kinds(experiments: Sequence[Experiment], remembered: bool = False) -> l
             out.append(stretch if stretch.kind == MANY else dataclasses.replace(stretch, kind=PARTIAL))
             continue
         out += _of_one_kind(stretch, full, 0.0 if remembered else _WINDOW_s)
-    elsewhere = sum(t.kind == FULL and t.cycle[-1] < _MANY for t in out)
-    out = [
-        dataclasses.replace(t, kind=MANY) if t.kind == FULL and t.cycle[-1] >= _MANY and elsewhere else t for t in out
-    ]
+    load, full = load_numbers(out), np.array([t.kind == FULL for t in out])
+    many = full & (np.array([t.cycle[-1] for t in out]) >= _MANY)
+    many &= np.isin(load, load[full & ~many])
+    out = [dataclasses.replace(t, kind=MANY) if is_one else t for t, is_one in zip(out, many, strict=True)]
     return [_enough(t) if t.kind == FULL and not remembered else t for t in out]
 
 

@@ -81,6 +81,18 @@ def test_a_log_that_ends_before_the_wire_is_heated_says_nothing_of_the_ends(flex
     np.testing.assert_array_equal(more.ends, usual.ends)
 
 
+def test_where_only_one_load_has_full_cycles_the_others_cold_ends_are_of_their_partial_ones(flexinol):
+    """Two logs of full cycles under one load, which never is quite the same, are no line over the loads."""
+    config = bench_from_mapping(flexinol.mapping)
+    experiments = make_experiments(flexinol.logs, config, remembered=True)
+    full = next(t for t in experiments if t.kind == "pulses")
+    heavier = dataclasses.replace(full, signals=dataclasses.replace(full.signals, stress_Pa=1.001 * full.stress_Pa))
+    some = [full, heavier, *(t for t in experiments if t.kind == "partial")]
+    usual, fewer = Data(experiments, config), Data(some, config)
+    stress_Pa = np.linspace(*usual.stress_Pa, 5)[:, None] ** np.arange(3)
+    np.testing.assert_allclose(stress_Pa @ fewer.ends.T, stress_Pa @ usual.ends.T, atol=5.0)
+
+
 def longer(t, config):
     """The same log, the wire a fifth of its stroke longer until it is heated."""
     displacement_m = t.displacement_m.copy()

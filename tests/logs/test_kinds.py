@@ -12,7 +12,7 @@ from sma_actuator.characterise.plan import default_heat_current_A
 from sma_actuator.characterise.programs import held_currents
 from sma_actuator.config import bench_from_mapping
 from sma_actuator.logs.bench_log import write_bench_log
-from sma_actuator.logs.kinds import FULL, PARTIAL, make_experiments
+from sma_actuator.logs.kinds import FULL, MANY, PARTIAL, make_experiments
 from sma_actuator.plant.loads import Weight
 
 LOADS = ("0.300N", "0.600N", "1.200N", "2.000N")
@@ -86,6 +86,16 @@ def test_of_many_full_cycles_some_are_fitted_and_that_is_said(textbook, tmp_path
     model = model_of(textbook, logs, tmp_path / "model.yaml")
     assert "0.600N.csv: fitted on 8 of its 12 full cycles" in capsys.readouterr().err
     assert model["displacement_range"] == pytest.approx(once["displacement_range"], abs=2e-5)
+
+
+def test_many_full_cycles_are_no_more_than_wear_only_beside_others_of_their_load(textbook):
+    """Fifteen and more in a row repeat what another log of that load shows; of a load without one they are all that
+    is known."""
+    config = bench_from_mapping(textbook.mapping)
+    many = [together(textbook, [f"pulses_{load}"] * 8) for load in LOADS[:2]]
+    few = textbook.only(f"pulses_{LOADS[0]}")
+    kinds = [t.kind for t in make_experiments([*many, *few], config, remembered=True)]
+    assert kinds == [MANY, FULL, FULL]
 
 
 def test_partial_cycles_that_start_cold_are_not_taken_for_full_ones(flexinol):

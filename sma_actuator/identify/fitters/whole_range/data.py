@@ -208,27 +208,34 @@ def _ends(experiments: Sequence[Experiment], parts: Sequence[_Samples]) -> tuple
     logs = list(zip(experiments, parts, strict=False))
     # A log throughout which the wire is as an earlier load left it says nothing of its own load's ends.
     known = [(t, p) for t, p in logs if not p.earlier.all()] or logs
-    whole = [p for t, p in known if t.kind != "partial"] or [p for _, p in known]
-    stress_Pa, place_m, resistance_Ohm = (np.empty((2, len(whole))) for _ in range(3))
-    for k, part in enumerate(whole):
-        own = ~part.earlier | part.earlier.all()
-        resistance, stress, displacement = part.resistance_Ohm[own], part.stress_Pa[own], part.displacement_m[own]
-        low, high = np.percentile(displacement, (0.5, 99.5))
-        for end, chosen in enumerate(
-            (displacement <= low + 0.02 * (high - low), displacement >= high - 0.02 * (high - low))
-        ):
-            stress_Pa[end, k], place_m[end, k] = np.median(stress[chosen]), (low, high)[end]
-            resistance_Ohm[end, k] = np.median(resistance[chosen])
-    most = distinct_stresses(experiments) - 1
-    return _in_stress(stress_Pa, place_m, 2, most), _in_stress(stress_Pa, resistance_Ohm, 1, most)
+    load, full = load_numbers([t for t, _ in known]), np.array([t.kind != "partial" for t, _ in known])
+    # Partial cycles come to the cold end, if to any.
+    at_hot_end = full if full.any() else ~full
+    at_cold_end = full | ~np.isin(load, load[full])
+    ends_m, ends_Ohm = np.zeros((2, 3)), np.zeros((2, 2))
+    for end, which in enumerate((at_hot_end, at_cold_end)):
+        found = np.array([_end(part, end) for (_, part), counts in zip(known, which, strict=True) if counts])
+        most = len(np.unique(load[which])) - 1
+        ends_m[end] = _in_stress(found[:, 0], found[:, 1], 2, most)
+        ends_Ohm[end] = _in_stress(found[:, 0], found[:, 2], 1, most)
+    return ends_m, ends_Ohm
+
+
+def _end(part: _Samples, end: int) -> tuple[float, float, float]:
+    """Stress [Pa], place [m] and resistance [Ω] where a log has the wire nearest to its hot (0) or cold end (1)."""
+    own = ~part.earlier | part.earlier.all()
+    displacement_m = part.displacement_m[own]
+    ends_m = np.percentile(displacement_m, (0.5, 99.5))
+    away_m = (displacement_m - ends_m[0]) if end == 0 else (ends_m[1] - displacement_m)
+    near = away_m <= 0.02 * (ends_m[1] - ends_m[0])
+    stress_Pa, resistance_Ohm = (float(np.median(x[own][near])) for x in (part.stress_Pa, part.resistance_Ohm))
+    return stress_Pa, float(ends_m[end]), resistance_Ohm
 
 
 def _in_stress(stress_Pa: np.ndarray, values: np.ndarray, order: int, most: int) -> np.ndarray:
-    """Polynomials of an order in stress, or of the ``most`` that the loads allow, one for each row; shape
-    (rows, order + 1)."""
-    out, fitted = np.zeros((len(values), order + 1)), min(order, most)
-    for row, at_Pa, value in zip(out, stress_Pa, values, strict=True):
-        row[: fitted + 1] = np.polynomial.polynomial.polyfit(at_Pa / 1e8, value, fitted) / 1e8 ** np.arange(fitted + 1)
+    """A polynomial of an order in stress, or of the ``most`` that the loads allow; shape (order + 1,)."""
+    out, fitted = np.zeros(order + 1), min(order, most)
+    out[: fitted + 1] = np.polynomial.polynomial.polyfit(stress_Pa / 1e8, values, fitted) / 1e8 ** np.arange(fitted + 1)
     return out
 
 
