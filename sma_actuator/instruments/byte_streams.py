@@ -7,7 +7,7 @@ import math
 import select
 import socket
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, cast
 
@@ -35,6 +35,8 @@ class Manner:
     acknowledgement: Pattern | None = None  #: the whole line that answers a command; None: it has no answer
     acknowledges_answers: bool = False  #: that line follows every answer too
     pause_s: float = 0.0  #: from the end of a command or an answer to the next command
+    #: Question → how many bytes its answer has, which has no end, and whether they are a number instead of a text.
+    fixed: Mapping[str, tuple[int, bool]] = field(default_factory=dict)
     serial: SerialLine = field(default_factory=SerialLine)  #: where it is one
     backend: str = OWN_BACKEND
 
@@ -45,14 +47,18 @@ class Manner:
         terminations: tuple[str, str] = ("\n", "\n"),
         acknowledgement: Pattern | None = None,
         acknowledges_answers: bool = False,
+        pause_s: float = 0.0,
+        fixed: Mapping[str, tuple[int, bool]] | None = None,
     ) -> Manner:
-        """What the parameters say; the terminations, of what is written and read, for where they say none."""
+        """What the parameters say; the terminations, of what is written and read, for where they say none, and the
+        pause that is the least."""
         return cls(
             TERMINATIONS.get(connection.write_termination, terminations[0]),
             TERMINATIONS.get(connection.read_termination, terminations[1]),
             acknowledgement,
             acknowledges_answers,
-            connection.command_pause,
+            max(connection.command_pause, pause_s),
+            fixed or {},
             connection.serial,
             connection.backend,
         )

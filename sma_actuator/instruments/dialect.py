@@ -83,7 +83,7 @@ _NEEDED: dict[str, dict[str, tuple[str, ...]]] = {
 }
 _KEYS_OF_ALL = {
     *("kind", "family", "source", "notes", "identity", "termination", "answer_termination", "acknowledgement"),
-    *("acknowledges_answers", "commands", "queries"),
+    *("acknowledges_answers", "command_pause", "commands", "queries"),
 }
 _KEYS = {
     "supply": _KEYS_OF_ALL
@@ -91,9 +91,10 @@ _KEYS = {
     | {"zero_current", "measures_while_off", "off_resets"},
     "daq": _KEYS_OF_ALL | {"measures_celsius"},
 }
-#: What ends a line sent to instruments that wait for no other end; what ends lines, in words.
-_SEMICOLON = ";"
-_ENDS = {"termination": r'"\n", "\r\n", "\r" or ";"', "answer_termination": r'"\n", "\r\n" or "\r"'}
+#: What ends a line sent to instruments that wait for no other end, nothing to those that wait until no more comes;
+#: what ends lines, in words.
+_SENT_ALONE = (";", "")
+_ENDS = {"termination": r'"\n", "\r\n", "\r", ";" or "", nothing,', "answer_termination": r'"\n", "\r\n" or "\r"'}
 #: True or false; what it is where a dialect says nothing.
 _FLAGS = {
     "acknowledges_answers": False,
@@ -142,6 +143,7 @@ class Dialect:
     terminations: tuple[str, str]  #: of a line sent, of a line of an answer
     acknowledgement: Pattern | None  #: the whole line that answers a command; None: a command has no answer
     acknowledges_answers: bool  #: whether that line follows every answer too
+    command_pause_s: float  #: least time between its lines
     commands: Mapping[str, Command]
     queries: Mapping[str, Query]
     trips: Mapping[str, Query]  #: by word (OVP, OCP, OTP, WDOG) or ``*``
@@ -185,12 +187,13 @@ class Dialect:
             problems += _wrong_watchdog(document, queries)
         problems += _wrong_numbers(document)
         termination = document.get("termination", "\n")
-        terminations = (termination, document.get("answer_termination", termination))
+        terminations = (termination, document.get("answer_termination", termination or "\n"))
         problems += [
             f"{key}: {value!r} ends no line; {_ENDS[key]} is wanted, in double quotes"
             for key, value in zip(_ENDS, terminations, strict=True)
-            if value not in TERMINATIONS.values() and (key, value) != ("termination", _SEMICOLON)
+            if value not in TERMINATIONS.values() and (key == "answer_termination" or value not in _SENT_ALONE)
         ]
+        problems += _endless(document, termination, [*queries.items(), *trips.items()])
         flags = {key: document.get(key, default) for key, default in _FLAGS.items()}
         problems += [
             f"{key}: {value!r} is neither true nor false" for key, value in flags.items() if not isinstance(value, bool)
@@ -209,6 +212,7 @@ class Dialect:
             commands=commands,
             queries=queries,
             trips=trips,
+            command_pause_s=float(document.get("command_pause", 0.0)),
             zero_current_A=float(document.get("zero_current", 0.0)),
             watchdog_range_s=(float(span[0]), float(span[1])) if (span := document.get("watchdog_range_s")) else None,
             watchdog_step_s=float(document.get("watchdog_step_s", 0.0)),
@@ -217,9 +221,9 @@ class Dialect:
         )
 
     @property
-    def manner(self) -> tuple[tuple[str, str], Pattern | None, bool]:
-        """How lines end and are acknowledged, as :meth:`~.byte_streams.Manner.of` wants it."""
-        return self.terminations, self.acknowledgement, self.acknowledges_answers
+    def manner(self) -> tuple[tuple[str, str], Pattern | None, bool, float]:
+        """How lines end, are acknowledged and follow each other, as :meth:`~.byte_streams.Manner.of` wants it."""
+        return self.terminations, self.acknowledgement, self.acknowledges_answers, self.command_pause_s
 
     def lines(self, name: str, **values: Any) -> list[str]:
         """The texts of a command, filled in; none where the family has no such command."""
@@ -319,9 +323,26 @@ def _wrong_numbers(document: Mapping[str, Any]) -> list[str]:
         problems.append(f"watchdog_range_s: {span!r} is not shortest and longest delay in seconds, as [1, 3600]")
     if not (is_number(step_s) and step_s >= 0.0):
         problems.append(f"watchdog_step_s: {step_s!r} is not a number of seconds")
+    pause_s = document.get("command_pause", 0.0)
+    if not (is_number(pause_s) and 0.0 <= pause_s <= 1.0):
+        problems.append(f"command_pause: {pause_s!r} is not the least time between its lines, in seconds")
     zero_A = document.get("zero_current", 0.0)
     if not (is_number(zero_A) and 0.0 <= zero_A <= 1.0):
         problems.append(f"zero_current: {zero_A!r} is not the least current that it takes, in amperes")
+    return problems
+
+
+def _endless(document: Mapping[str, Any], termination: Any, queries: Sequence[tuple[str, Query]]) -> list[str]:
+    """What is wrong where lines or answers have no end."""
+    problems = []
+    if termination == "" and not document.get("command_pause"):
+        problems.append("command_pause: missing; where nothing ends a line (termination), a pause does, as 0.05 s")
+    endless = {name for name, query in queries if query.length or query.bytes}
+    lines = [name for name, _ in queries if name not in endless]
+    if endless and "identity" in lines:
+        problems.append("queries.identity: null is wanted where answers have no end: that of a name is not known")
+    elif endless and lines:
+        problems.append(f"queries {', '.join(lines)}: length is wanted of each where {', '.join(endless)} has it")
     return problems
 
 

@@ -11,7 +11,7 @@ import dataclasses
 import functools
 import re
 import string
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from math import copysign, inf, isfinite, nan
@@ -36,11 +36,11 @@ _SIGNED = re.compile(r"(?<![eE])(?=[+-])")
 #: What the answer of a query is → the entries that say how it is read, beside ``ask``.
 READINGS = {
     "text": ("answer",),
-    "number": ("answer", "field", "base", "scale"),
+    "number": ("answer", "field", "base", "scale", "length", "bytes"),
     "numbers": ("answer", "scale", "separator", "columns"),
-    "code": ("answer", "field", "base", "none"),
-    "truth": ("answer", "field", "base", "mask", "yes", "no"),
-    "words": ("answer", "field"),
+    "code": ("answer", "field", "base", "none", "length", "bytes"),
+    "truth": ("answer", "field", "base", "mask", "yes", "no", "length", "bytes"),
+    "words": ("answer", "field", "length"),
 }
 
 
@@ -129,6 +129,8 @@ class Query:
     separator: str = ","  #: of a list of numbers; a blank: any number of blanks; nothing: each begins with its sign
     columns: int = 0  #: of a list that has all that there is, whatever is wanted; 0: it has what is wanted
     none: Pattern | None = None  #: the answer where there is no error, of one that says so in words
+    length: int = 0  #: characters of an answer that has no end; 0: it is a line
+    bytes: int = 0  #: the same, of an answer that is no text but a number, its highest byte first
 
     @classmethod
     def read(cls, name: str, entry: Any, allowed: Collection[str], reading: str, problems: list[str]) -> Self | None:
@@ -155,6 +157,8 @@ class Query:
             problems.append(f"{name}.answer: {mapping['answer']!r} has not one group; the value goes in (parentheses)")
         if ("yes" in mapping) != ("no" in mapping):
             problems.append(f"{name}: yes and no are wanted together: an answer that is neither proves nothing")
+        if "length" in mapping and "bytes" in mapping:
+            problems.append(f"{name}: length is of a text and bytes of a number; one of them is wanted")
         compiled = {key: Pattern(mapping[key]) for key in _PATTERNS if key in mapping}
         entries: dict[str, Any] = {key: value for key, value in mapping.items() if key in known}
         return cls(text, **{**entries, **compiled})
@@ -222,6 +226,11 @@ class Query:
                 return True
             raise ValueError(f"'{reply}' is neither '{self.yes.pattern}' nor '{self.no.pattern}'")
         return yes(value)
+
+
+def fixed(queries: Iterable[Query]) -> dict[str, tuple[int, bool]]:
+    """Text of each query whose answer has no end → its bytes, and whether they are a number."""
+    return {each.text: (each.length or each.bytes, each.bytes > 0) for each in queries if each.length or each.bytes}
 
 
 def yes(reply: str) -> bool:
@@ -301,6 +310,8 @@ _QUERY_CHECKS: dict[str, tuple[Callable[[Any], bool], str]] = {
     "separator": (lambda value: value in SEPARATORS, f"one of {', '.join(map(repr, SEPARATORS))}"),
     "field": (_counts, "the number of a field, from 1 on,"),
     "columns": (_counts, "how many values an answer has, from 1 on,"),
+    "length": (_counts, "how many characters an answer without an end has, from 1 on,"),
+    "bytes": (_counts, "of how many bytes an answer without an end is a number, from 1 on,"),
     "base": (lambda value: value in (10, 16), "10 or 16"),
     "scale": (lambda value: not _not_a_scale("", value), "a number that is not zero"),
     "mask": (

@@ -18,7 +18,7 @@ from .channels import Channels
 from .claim import Claim
 from .dialect import Dialect
 from .parameters import InstrumentSections
-from .phrases import Query, asks_one
+from .phrases import Query, asks_one, fixed
 from .session import OPENING_ANSWERS, Session
 from .supply import Abilities, SessionSupply
 
@@ -117,7 +117,7 @@ class ScpiSupply(SessionSupply):
         self._queries, self._trips = dialect.asked(channel=channel)
         self._told_A = 0.0  #: the current that it was told last
         self._cut_off_A = 0.0  #: of that, what the digits of its dialect left out
-        manner = Manner.of(instrument, *dialect.manner)
+        manner = Manner.of(instrument, *dialect.manner, fixed=fixed([*self._queries.values(), *self._trips.values()]))
         super().__init__(config, manner, dialect.off_lines(channel), dialect.lines("unlock", channel=channel))
 
     @property

@@ -173,7 +173,8 @@ class Session:
         self._owed: list[str] = []  #: lines told blind, and questions, whose acknowledgement is still to come
         self._asked: tuple[str, float] | None = None  #: the line that an answer is wanted to, and when it was sent
         self._heard_late: dict[str, tuple[str, float]] = {}  #: its answer, and when it was asked
-        self._free_s = -math.inf  #: when the next line may go
+        #: When the next line may go; where a pause alone ends a line, not right behind those of another connection.
+        self._free_s = -math.inf if self._manner.write_termination else time.monotonic() + self._manner.pause_s
 
     def say_off(self) -> None:
         """Write the off lines, blind and in bounded time, from any thread.  Never raises."""
@@ -479,16 +480,26 @@ class Session:
         return self._manner.read_termination.encode()
 
     @property
+    def _fixed(self) -> tuple[int, bool]:
+        """How many bytes are wanted where the answer has no end, 0 where it is a line; whether they are a number."""
+        return self._manner.fixed.get(self._asked[0], (0, False)) if self._asked is not None else (0, False)
+
+    @property
     def _line_is_whole(self) -> bool:
-        return self._end in self._got
+        length, _ = self._fixed
+        return len(self._got) >= length if length else self._end in self._got
 
     def _line(self, what: str, by_s: float) -> str:
         """One line of what it says to ``what``."""
         while not self._line_is_whole:
             self._got += self._do(what, lambda stream: self._piece(stream, by_s))
-        text, _, self._got = self._got.partition(self._end)
+        length, is_number = self._fixed
+        if length:
+            text, self._got = self._got[:length], self._got[length:]
+        else:
+            text, _, self._got = self._got.partition(self._end)
         self._has_spoken()
-        return text.decode("ascii", errors="replace").strip()
+        return f"0x{text.hex()}" if is_number else text.decode("ascii", errors="replace").strip()
 
     def _piece(self, stream: ByteStream, by_s: float) -> bytes:
         if len(self._got) > LONGEST_ANSWER:
@@ -496,11 +507,16 @@ class Session:
         try:
             return stream.receive(by_s)
         except TimeoutError as error:
-            begun = (
-                f"'{_shown(self._got)}' came, without the end of a line, {self._manner.read_termination!r} "
-                f"(instruments.{self.role}.read_termination)"
-            )
-            raise TimeoutError(begun if self._got else "") from error
+            length, _ = self._fixed
+            lacks = f"'{_shown(self._got)}' came, "
+            if length:
+                lacks += f"{len(self._got)} of {length} bytes (length or bytes, in its dialect)"
+            else:
+                lacks += (
+                    f"without the end of a line, {self._manner.read_termination!r} "
+                    f"(instruments.{self.role}.read_termination)"
+                )
+            raise TimeoutError(lacks if self._got else "") from error
 
     def _do(self, what: str, action: Callable[[ByteStream], T]) -> T:
         stream = self._stream

@@ -48,6 +48,7 @@ class Family:
     identity = ""
     hears, says = "\n", "\n"
     serial = False
+    rate_Hz = 20.0  #: of a loop that it is quick enough for
     #: What the manual says of it, for the tests.
     has_ovp = has_ocp = False
 
@@ -579,6 +580,42 @@ class Keithley2400(Family):
         return f"{voltage_V:+.6E},{current_A:+.6E}"
 
 
+class Korad(Family):
+    """KA3005P: a pause ends a line, nothing an answer; a raw byte for a status; nothing is said of what it does not
+    know; OCP trips in constant current."""
+
+    identity = "Korad KA series (KA3003P, KA3005P, KA6003P) (not asked)"
+    hears = says = ""
+    serial = True
+    rate_Hz = 2.0
+
+    def __init__(self):
+        super().__init__()
+        self.errors = []  # it has no queue of them
+        self.out.trips_in_cc = True
+
+    def unknown(self, line):
+        self.refused.append(line)
+
+    def switch(self, text):
+        """Of a trip nothing is left."""
+        self.out.clear()
+        self.out.on = text == "1"
+
+    def commands(self):
+        return [
+            (r"ISET1:(\d\.\d{3})", self.set("set_A")),
+            (r"VSET1:(\d\d\.\d\d)", self.set("set_V")),
+            (r"OUT([01])", self.switch),
+            (r"OCP([01])", self.set("trips_in_cc", lambda text: text == "1")),
+            (r"OVP0", lambda: None),
+            (r"VSET1\?", self.get("set_V", "{:05.2f}")),
+            (r"VOUT1\?", self.volts("{:05.2f}")),
+            (r"IOUT1\?", self.amperes("{:.3f}")),
+            (r"STATUS\?", lambda: chr(0x90 + 0x40 * self.out.on)),  # with a bit that no text has
+        ]
+
+
 #: Dialect → its emulator.
 FAMILIES = {
     "aimtti_pl": AimTtiPl,
@@ -595,4 +632,5 @@ FAMILIES = {
     "itech_it6800": Itech,
     "bk_9115": BK9115,
     "keithley_2400": Keithley2400,
+    "korad_ka": Korad,
 }

@@ -13,6 +13,7 @@ from collections.abc import Callable
 class SerialInstrument:
     """Answers every line by ``answer(line)``: a text, or None for nothing.
 
+    ``hears`` nothing: a line ends where nothing more comes.
     ``pause_s``: a line that begins sooner after the last one is lost, as with instruments that are busy then.
     ``baud_rate``: at any other it hears and says rubbish.
     """
@@ -49,13 +50,13 @@ class SerialInstrument:
         got, last_s = b"", -1.0
         with contextlib.suppress(OSError):
             while not self._ended.is_set():
-                if not select.select([self._ours], [], [], 0.05)[0]:
-                    continue
-                came = os.read(self._ours, 4096)
+                if select.select([self._ours], [], [], 0.05 if self._hears else 0.01)[0]:
+                    got += os.read(self._ours, 4096)
+                    if not self._hears:
+                        continue
                 at_speed = self.settings()[4] == self._speed
-                got += came
-                while self._hears in got:
-                    line, _, got = got.partition(self._hears)
+                while self._hears in got if self._hears else got:
+                    line, _, got = got.partition(self._hears) if self._hears else (got, b"", b"")
                     early = time.monotonic() - last_s < self._pause_s
                     last_s = time.monotonic()
                     if early:
@@ -63,7 +64,7 @@ class SerialInstrument:
                     self.lines.append(line.decode())
                     reply = self._answer(line.decode())
                     if reply is not None:
-                        os.write(self._ours, reply.encode() + self._says if at_speed else b"\xf8\x80\xff")
+                        os.write(self._ours, reply.encode("latin-1") + self._says if at_speed else b"\xf8\x80\xff")
                         last_s = time.monotonic()
 
     def close(self) -> None:

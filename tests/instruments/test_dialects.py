@@ -398,6 +398,27 @@ def test_an_unknown_dialect_names_its_neighbour():
         (lambda d: d.update(watchdog_step_s="one"), "watchdog_step_s: 'one' is not a number"),
         (lambda d: d.update(chained_queries="no"), "chained_queries: 'no' is neither true nor false"),
         (lambda d: d.update(termination="LF"), "termination: 'LF' ends no line"),
+        (lambda d: d.update(termination=""), "command_pause: missing; where nothing ends a line"),
+        (lambda d: d.update(command_pause="long"), "command_pause: 'long' is not the least time between its lines"),
+        (
+            lambda d: d["queries"].update(current={"ask": "A?", "length": 0}),
+            "queries.current.length: 0; how many characters .* is wanted",
+        ),
+        (
+            lambda d: d["queries"].update(current={"ask": "A?", "length": 5, "bytes": 5}),
+            "queries.current: length is of a text and bytes of a number; one of them is wanted",
+        ),
+        (
+            lambda d: d["queries"].update(current={"ask": "A?", "length": 5}),
+            "queries.identity: null is wanted where answers have no end",
+        ),
+        (
+            lambda d: (
+                d.pop("identity"),
+                d["queries"].update(identity=None, current={"ask": "A?", "length": 5}),
+            ),
+            "queries .*voltage.*: length is wanted of each where current has it",
+        ),
         (lambda d: d.update(answer_termination=";"), "answer_termination: ';' ends no line"),
         (lambda d: d.update(answer_termination=" "), "answer_termination: ' ' ends no line"),
         (lambda d: d.update(acknowledgement="("), r"acknowledgement: '\('; a regular expression for the whole line"),

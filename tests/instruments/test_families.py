@@ -34,7 +34,7 @@ def family(request, make_config):
         # a rate that a busy machine keeps
         changes |= {
             "supply.watchdog_timeout": 0.0,
-            "loop.rate": 20.0,
+            "loop.rate": emulator.rate_Hz,
             "loop.samples_per_block": 20,
         }
         changes |= {"instruments.supply.channel": 6 if name == "tdk_genesys" else 1}

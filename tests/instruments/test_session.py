@@ -483,6 +483,35 @@ def test_before_the_first_question_of_a_transaction_nothing_was_answered(session
     assert "answers before it" not in str(lost.value)
 
 
+def test_an_answer_without_an_end_has_its_length(peer):
+    """A text, and a byte that is none, at once and in pieces; a byte too many is out of step, one too few late."""
+    session = Session("supply", peer.resource, Manner(fixed={"V?": (5, False), "S?": (2, True)}), TIMEOUT_s)
+    session.open()
+    peer.accept()
+    peer.answer(b"12.34")
+    assert session.ask("V?") == "12.34"
+    peer.answer(b"\n\x90")
+    assert session.ask("S?") == "0x0a90"
+    peer.answer(b"12.3")
+    with pytest.raises(InstrumentLost, match=r"'12.3' came, 4 of 5 bytes \(length or bytes, in its dialect\)"):
+        session.ask("V?")
+    session.open()
+    peer.accept()
+    peer.answer(b"12.34K")
+    with pytest.raises(InstrumentLost, match="answered 'V\\?' with more than one line: '12.34', 'K'"):
+        session.ask("V?")
+
+
+def test_the_first_line_on_a_new_connection_keeps_its_distance(peer):
+    """Where a pause ends a line, it would else be one with the last of the connection before."""
+    session = Session("supply", peer.resource, Manner("", pause_s=TIMEOUT_s), PATIENT_s, ["OUT0"])
+    began_s = time.monotonic()
+    session.open()
+    peer.accept()
+    assert peer.connection.recv(100) == b"OUT0" and time.monotonic() - began_s >= TIMEOUT_s
+    session.close()
+
+
 def test_an_instrument_that_takes_its_time_for_each_line_is_opened():
     """Each line is done well within the time for an answer; all that are told at once are not."""
     with TcpInstrument(lambda line: "0" if line.endswith("?") else None, slow_s=TIMEOUT_s / 4) as slow:
