@@ -10,6 +10,7 @@ import contextlib
 import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -283,6 +284,7 @@ def run(args: argparse.Namespace) -> int:
         answers.setdefault(
             "wire.form", "coil" if "wire.coil_diameter" in answers else "bundle" if "wire.wires" in answers else "wire"
         )
+    _of_other_instruments(mapping, answers)
     asked = {question.name for question in QUESTIONS}
     for name in [name for name in answers if name not in asked]:
         _put(mapping, name, _value(name, answers.pop(name)))
@@ -325,7 +327,8 @@ def _asked(mapping: dict[str, Any], answers: Mapping[str, Any], start: Path | No
     changed: set[str] = set()
     told = False
     for question in QUESTIONS:
-        if question.name in asked or (question.of and question.of not in asked and question.name not in answers):
+        is_new = question.of in asked or question.of.replace(".resource", ".dialect") in changed
+        if question.name in asked or (question.of and not is_new and question.name not in answers):
             continue
         stands = _get(mapping, question.name)
         if stands is not None and answers.get(question.name) not in (None, "", []):
@@ -456,6 +459,21 @@ def _put(mapping: dict[str, Any], name: str, value: Any) -> None:
         if not isinstance(mapping, dict):
             raise ConfigError(f"{name}: {section} holds {mapping!r}, where a section of parameters is wanted")
     mapping[last] = value
+
+
+def _of_other_instruments(mapping: dict[str, Any], answers: Mapping[str, Any]) -> None:
+    """Where another language is answered than stands in the file: leave out the channels of that instrument, and what
+    was accepted of that supply and its watchdog, so that they are asked anew."""
+    for role, section, belongs in (
+        ("supply", "supply", lambda name: name == "watchdog_timeout" or name.startswith("allow_")),
+        ("supply", "instruments.supply", lambda name: name == "channel"),
+        ("daq", "instruments.daq", lambda name: name.endswith("_channel")),
+    ):
+        stands, said = (where(f"instruments.{role}.dialect") for where in (partial(_get, mapping), answers.get))
+        entries = _get(mapping, section)
+        if stands is not None and said not in (None, "", stands) and isinstance(entries, dict):
+            for name in [name for name in entries if belongs(name)]:
+                del entries[name]
 
 
 def _without_watchdog(mapping: dict[str, Any]) -> None:

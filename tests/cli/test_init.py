@@ -515,6 +515,24 @@ def test_what_is_said_overrules_the_file_that_it_starts_from(tmp_path, capsys):
     assert f"{elsewhere}, instead of the TCPIP::127.0.0.1::5025::SOCKET of" in " ".join(capsys.readouterr().err.split())
 
 
+def test_another_instrument_is_asked_for_its_own_channels_and_for_what_it_lacks(tmp_path, capsys):
+    """It kept the watchdog of the virtual bench, and the channel of a thermometer that the new DAQ has not."""
+    out = tmp_path / "wire.yaml"
+    words = ["init", "--start", str(shared_file("config/flexinol.yaml")), "--set", "thermal.ambient_temperature=24"]
+    words += ["--set", "instruments.supply.dialect=rigol_dp800", "--set", "instruments.daq.dialect=keysight_daq970a"]
+    assert main([*words, "--out", str(out)]) == 1
+    assert "'supply.allow_no_watchdog' was asked" in " ".join(capsys.readouterr().err.split())
+    for name in ("allow_no_watchdog", "allow_single_session"):
+        words += ["--set", f"supply.{name}=true"]
+    words += ["--set", "load_cell.slope=2.0", "--set", "loop.rate=1.5", "--set", "safety.reading_timeout=2.0"]
+    words += ["--set", "loop.samples_per_block=1"]
+    assert main([*words, "--out", str(out)]) == 0
+    after = read_parameter_file(out)
+    assert after["supply"]["watchdog_timeout"] == 0.0
+    assert after["instruments"]["daq"].get("ambient_temperature_channel", 0) == 0
+    assert after["instruments"]["daq"]["supply_voltage_channel"] == 101
+
+
 @pytest.mark.parametrize("rate_Hz", ["3", "50"])
 def test_what_follows_in_the_file_that_it_starts_from_follows_what_is_said_now(tmp_path, rate_Hz):
     """A thinner wire kept the current of the thicker one, and a slower loop its gains, as if somebody had given them;
