@@ -167,7 +167,7 @@ class Following:
         """What the law is to reach [m], inside the working range."""
         tuning, supervisor = self._tuner.running, self._supervisor
         setpoint_m = self._commanding.position_m(seen.now_s) if tuning is None else tuning.setpoint_m
-        if self._commanding.mode is Mode.TRACKING:
+        if self._commanding.mode is Mode.TRACKING and not self.short_m <= setpoint_m <= self.long_m:
             within_m = min(max(setpoint_m, self.short_m), self._longest_m(seen.estimate.displacement_m))
             if within_m != setpoint_m:
                 limits.add(SETPOINT_RANGE)

@@ -154,13 +154,10 @@ class Following:
             self._lately.clear()
             self.pause()
         low_m, high_m, low_N, high_N = self._within
-        low_m, high_m, low_N, high_N = (
-            min(low_m, place_m),
-            max(high_m, place_m),
-            min(low_N, load_N),
-            max(high_N, load_N),
-        )
-        self._within = low_m, high_m, low_N, high_N
+        if not (low_m <= place_m <= high_m and low_N <= load_N <= high_N):
+            low_m, high_m = min(low_m, place_m), max(high_m, place_m)
+            low_N, high_N = min(low_N, load_N), max(high_N, load_N)
+            self._within = low_m, high_m, low_N, high_N
         self.carries = high_m - low_m >= swing_m and high_N - low_N <= noise_N
         if not isfinite(self._from[0]):
             self._from = self._to = (place_m, load_N)
