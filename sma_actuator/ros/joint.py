@@ -2,8 +2,8 @@
 
 ``sma_actuator_node --nodes left right --joints joint --ros-args --params-file FILE``: the section ``joint`` of the file
 holds the joint's parameters.  What is asked of it and what it shows are angle [rad] and co-contraction [N], in the
-fields ``position`` and ``effort`` of a JointState.  The wires' nodes stay what they are; a wire's own setpoints last
-until the next step of the joint.
+fields ``position`` and ``effort`` of a JointState.  The wires' nodes stay what they are; while the joint drives them
+they take no setpoints of their own, which would pull against it.
 """
 
 from __future__ import annotations
@@ -40,6 +40,7 @@ class WireNode(PairedWire, Protocol):
     """The node of one of its wires."""
 
     joint_takes: Callable[[Output], None] | None
+    turned_by: Callable[[], str]
 
     @property
     def config(self) -> Config:
@@ -83,6 +84,7 @@ class JointNode(Node):
         refuse_what_raises(self, self.report)
         for number, wire in enumerate(wires):
             wire.joint_takes = partial(self._pair.take_output, number)
+            wire.turned_by = lambda: self.get_fully_qualified_name() if self._pair.is_driven else ""
 
     @property
     def config(self) -> PairParameters:

@@ -32,7 +32,10 @@ class MovedWire:
 
     def ignores_commands(self) -> str:
         """Why none is looked at now, or ""."""
-        return "" if self._wire.is_active and self._wire.driver is not None else self._wire.not_active()
+        if not self._wire.is_active or self._wire.driver is None:
+            return self._wire.not_active()
+        joint = self._wire.turned_by()
+        return f"{joint} drives this wire; ask that for an angle, or switch it off" if joint else ""
 
     def refuses_goals(self) -> str:
         """Why no goal of the action can be taken now, or ""."""

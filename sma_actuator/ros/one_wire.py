@@ -29,6 +29,7 @@ class OneWire(Protocol):
     refusal: str  #: why the instruments are not open
     left_off: bool  #: the last instruments were given up with the output read back as off
     arming: threading.Lock  #: held while the output goes on, and while the node stops being active
+    turned_by: Callable[[], str]  #: the name of the joint that drives it now, else nothing
 
     @property
     def config(self) -> Config:

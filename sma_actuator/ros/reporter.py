@@ -130,6 +130,8 @@ class WireReporter:
         """Key values of the node and the loop, for diagnostics."""
         wire = self._wire
         values: dict[str, float | str] = {"lifecycle": wire.state, **wire.parameter_values}
+        if joint := wire.turned_by():
+            values["turned_by"] = joint
         if wire.driver is not None:
             statistics = wire.driver.statistics()
             values |= {name: getattr(statistics, name) for name in _OF_THE_LOOP}

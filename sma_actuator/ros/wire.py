@@ -68,6 +68,7 @@ class SmaActuatorNode(LifecycleNode):
         self._wait_s = 0.0  #: between the last two looks for the instruments
         #: The joint that the wire turns with another gets every output too, in the control thread.
         self.joint_takes: Callable[[Output], None] | None = None
+        self.turned_by: Callable[[], str] = str  #: the name of the joint that drives it now, else nothing
         self.log = Log(self)
         values = arguments.parameters_of(self.get_fully_qualified_name())
         own = {key: values.pop(key) for key in ROS_PARAMETERS if key in values}

@@ -19,7 +19,7 @@ from sma_actuator.actuator import AFTER_A_FAULT
 from sma_actuator.base.share import shared_file
 from sma_actuator.cli.main import main
 from sma_actuator.config import read_parameter_file
-from sma_msgs_py import pair_command_message, status_from, trajectory_message
+from sma_msgs_py import pair_command_message, setpoint_message, status_from, trajectory_message
 
 FILE = shared_file("config/pair.yaml")
 NAMES = ("left", "right")
@@ -88,6 +88,10 @@ def test_a_joint_is_turned_by_commands_and_a_fault_of_one_wire_switches_both_off
     reached(client, lambda: abs(states[-1].position[0] - 0.15) < 0.03 and states[-1].effort[0] > 0.4, "the angle")
     assert float(bench.tell("BENC:JOIN:ANGL?")) == pytest.approx(0.15, abs=0.1)
     assert status_of(client, "joint", lambda s: s.mode.value == "tracking").values["uncertainty_rad"] < 0.2
+
+    client.publish("/left/setpoint", setpoint_message(0.001))
+    node.says("a setpoint was ignored: /joint drives this wire; ask that for an angle")
+    assert status_of(client, "left", lambda s: True).values["turned_by"] == "/joint"
 
     answer = client.call("/joint/list_parameters", ListParameters)
     assert {"pulley_radius", "tension_limit"} <= set(answer.result.names)

@@ -98,6 +98,11 @@ def run(args) -> int:
             first = f"; switch it on first: {then}" if then == "~/enable" else f"; {then}"
             advised = "~/enable" in status.message  # as that of a fault is
             raise UserError(client.words(f"{client.full_name}: {status.message}{'' if advised else first}"))
+        if joint := status.values.get("turned_by"):
+            raise UserError(
+                f"{client.full_name}: {joint} drives this wire with another; move that, as `sma-actuator move 0.1rad "
+                f"--node {str(joint).rpartition('/')[2]}`"
+            )
         motion = _of_joint(client, args) if is_joint(status) else _of_wire(client, args, status)
         client.advertise(motion.topic, type(motion.message))
         client.advertise("joint_trajectory", JointTrajectory)
