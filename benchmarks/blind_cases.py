@@ -40,9 +40,9 @@ from sma_actuator.characterise.plan import default_heat_current_A
 from sma_actuator.characterise.programs import Drive
 from sma_actuator.characterise.session import BENCH_FILE
 from sma_actuator.config import Config, bench_from_mapping, read_parameter_file
+from sma_actuator.console import write_json
 from sma_actuator.identify import identify
 from sma_actuator.logs.bench_log import BenchLog, read_bench_log, write_bench_log
-from sma_actuator.logs.files import write_atomically
 from sma_actuator.plant.worlds import HOME
 from sma_actuator.replay import replay
 
@@ -489,9 +489,7 @@ def main() -> int:
         cells = [c for i, a in enumerate(ALLOYS) for c in (f"{UNITS[name][i]:g}", *(f"{r:.2f}" for r in row[a]))]
         table.add_row(name, hidden_effects()[name].unit, *cells)
     console.print(table)
-    if args.json:
-        text = json.dumps(numbers, indent=1) + "\n"
-        write_atomically(args.json, lambda stream: stream.write(text.encode()))
+    write_json(args, numbers)
     return 0
 
 

@@ -42,11 +42,11 @@ from scipy.stats import binomtest
 from sma_actuator.bench.hidden import FOREIGN, TWINS, require_twins
 from sma_actuator.cli.main import main as sma_actuator
 from sma_actuator.config import NODE_NAME, Config
+from sma_actuator.console import write_json
 from sma_actuator.diagnosis.trace.limits import LIMITS
 from sma_actuator.estimation.effects import EFFECTS
 from sma_actuator.logs.bench_log import read_bench_log
 from sma_actuator.logs.experiments import IdentificationError
-from sma_actuator.logs.files import write_atomically
 from sma_actuator.plant.worlds import DRAWN, HOME, WORLDS, world_of
 from sma_actuator.replay import replay
 from sma_actuator.report import figure
@@ -232,9 +232,7 @@ def main() -> int:
     todo = _that_have_a_model([(case, model) for case in _asked(args) for model in args.models])
     found = track(_answers(todo, args.jobs, args.only_blind, until_s), "cases", len(todo), console=Console(stderr=True))
     answers = [answer for answer in found if answer is not None]
-    if args.json:
-        text = json.dumps(answers, indent=1) + "\n"
-        write_atomically(args.json, lambda stream: stream.write(text.encode()))
+    write_json(args, answers)
     if len(answers) < len(todo):
         print(f"{len(answers)} of {len(todo)} cases: the same command goes on")
     show(Console(width=160), answers)

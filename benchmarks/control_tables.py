@@ -11,7 +11,6 @@ how long it held each position: here it is 20 s, and sine and triangle have a pe
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -24,6 +23,7 @@ from sma_actuator.base.share import shared_file
 from sma_actuator.bench.bench import VirtualBench
 from sma_actuator.bench.in_process import InProcessDaq, InProcessSupply, VirtualClock
 from sma_actuator.config import Config
+from sma_actuator.console import write_json
 from sma_actuator.control.setpoints import Setpoint, sine, steps, triangle
 from sma_actuator.control.tracking import TrackingErrors
 from sma_actuator.driver import Driver
@@ -159,8 +159,7 @@ def main() -> int:
     console = Console()
     console.print(table)
     console.print("* not below the thesis")
-    if args.json:
-        args.json.write_text(json.dumps(rows, indent=2) + "\n")
+    write_json(args, rows)
     return 0
 
 

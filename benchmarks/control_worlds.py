@@ -30,7 +30,6 @@ when ``supply.max_current``, or the bias, flows until the wire is truly there.  
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -47,6 +46,7 @@ from rich.console import Console
 from rich.table import Table
 from users_way import MODELS, WIRES, alloy_of, digest, prepared, replayed, wire_named
 
+from sma_actuator.console import write_json
 from sma_actuator.plant.worlds import DRAWN, WORLDS, world_of
 
 #: Share of the thesis's output error that is aimed at.
@@ -324,13 +324,12 @@ def main() -> int:
         for experiment, found, _ in row.runs:
             if found.fault:
                 console.print(f"{row.wire.physics}, {row.wire.wire}, {row.wire.law}, {experiment.name}: {found.fault}")
-    if args.json:
-        data = [
-            {**asdict(row.wire), "experiment": experiment.name, **asdict(replace(found, series={})), "best": best}
-            for row in rows
-            for experiment, found, best in row.runs
-        ]
-        args.json.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+    data = [
+        {**asdict(row.wire), "experiment": experiment.name, **asdict(replace(found, series={})), "best": best}
+        for row in rows
+        for experiment, found, best in row.runs
+    ]
+    write_json(args, data)
     return 0
 
 

@@ -30,6 +30,7 @@ from sma_actuator.base.jit import COMPILED
 from sma_actuator.base.share import shared_file
 from sma_actuator.base.signals import Reading, SupplyState
 from sma_actuator.config import Config
+from sma_actuator.console import write_json
 from sma_actuator.control.pid import PidController
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.estimation.circuit import signals_from_reading
@@ -51,8 +52,7 @@ def main() -> int:
     parser.add_argument("--json", type=Path, metavar="FILE")
     args = parser.parse_args()
     rows = pieces() if args.pieces else beside(args.against.resolve()) if args.against else alone()
-    if args.json:
-        args.json.write_text(json.dumps(rows, indent=2) + "\n")
+    write_json(args, rows)
     return 0
 
 

@@ -17,7 +17,6 @@ Control errors are means in % of full stroke.
 from __future__ import annotations
 
 import argparse
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -28,6 +27,7 @@ from rich.console import Console
 from rich.table import Table
 from users_way import WIRES, prepared
 
+from sma_actuator.console import write_json
 from sma_actuator.plant.worlds import WORLDS
 
 MODEL = "whole_range"
@@ -122,8 +122,7 @@ def main() -> int:
         for row in its:
             for fault in (*row["steps faults"], *row["sine faults"]):
                 print(f"{row['physics']}, {row['wire']}, {row['load']}: {fault}")
-    if args.json:
-        args.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    write_json(args, rows)
     return 0
 
 

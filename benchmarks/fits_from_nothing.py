@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +24,7 @@ from rich.table import Table
 from sma_actuator.bench.hidden import TWINS
 from sma_actuator.bench.hidden.hiding import HiddenBench
 from sma_actuator.config import Config
+from sma_actuator.console import write_json
 from sma_actuator.diagnosis.trace.candidates import Candidate, candidate, untestable
 from sma_actuator.diagnosis.trace.evidence import Evidence
 from sma_actuator.diagnosis.trace.likeliest import likeliest
@@ -32,7 +32,6 @@ from sma_actuator.diagnosis.trace.rows import Rows
 from sma_actuator.diagnosis.trace.scales import scales_of
 from sma_actuator.estimation.effects.free import Scales
 from sma_actuator.identify import identify
-from sma_actuator.logs.files import write_atomically
 from sma_actuator.plant.worlds import HOME, WORLDS
 
 WANTED = 0.95  #: share of the gain of a start at the truth
@@ -192,9 +191,7 @@ def main() -> int:
     Console(width=110).print(table)
     short = [x for x in found if x.share < WANTED]
     print(f"{len(found) - len(short)} of {len(found)} reach {WANTED:.0%}")
-    if args.json:
-        text = json.dumps([{**x.__dict__, "share": x.share} for x in found], indent=1) + "\n"
-        write_atomically(args.json, lambda stream: stream.write(text.encode()))
+    write_json(args, [{**x.__dict__, "share": x.share} for x in found])
     return int(bool(short))
 
 

@@ -14,7 +14,6 @@ from __future__ import annotations
 import argparse
 import copy
 import dataclasses
-import json
 import time
 from pathlib import Path
 
@@ -28,12 +27,12 @@ from sma_actuator.characterise import Rig
 from sma_actuator.characterise.plan import default_heat_current_A
 from sma_actuator.characterise.programs import Drive
 from sma_actuator.config import bench_from_mapping, read_parameter_file
+from sma_actuator.console import write_json
 from sma_actuator.diagnosis.extension import extend
 from sma_actuator.diagnosis.trace import Evidence, trace
 from sma_actuator.identify import identify
 from sma_actuator.identify.fitters import FITTERS
 from sma_actuator.logs.bench_log import BenchLog
-from sma_actuator.logs.files import write_atomically
 
 LOADS_N = (0.35, 0.6, 0.98, 1.5, 2.1)
 OFFSET_V = 0.006
@@ -131,8 +130,7 @@ def main() -> int:
                 model, f"{samples}", f"{identify_s:.1f}", f"{trace_s:.1f}", f"{tracing.verdict} {names}".strip()
             )
     console.print(table)
-    if args.json:
-        write_atomically(args.json, lambda stream: stream.write((json.dumps(rows, indent=1) + "\n").encode()))
+    write_json(args, rows)
     return 0
 
 

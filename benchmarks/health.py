@@ -32,6 +32,7 @@ from sma_actuator.base.signals import Health, Output, Quality
 from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualClock, Weight
 from sma_actuator.bench.hidden.hiding import HiddenBench
 from sma_actuator.config import Config, read_parameter_file
+from sma_actuator.console import write_json
 from sma_actuator.driver import Driver
 from sma_actuator.identify import identify
 from sma_actuator.plant.worlds import HOME, WORLDS
@@ -198,8 +199,7 @@ def main() -> int:
     logging.disable(logging.CRITICAL)  # refused setpoints and the like are not what is asked
     console = Console(width=150)
     rows = drifts(args, console) if args.drifts else false_alarms(args, console)
-    if args.json:
-        args.json.write_text(json.dumps(rows, indent=1))
+    write_json(args, rows)
     return 0
 
 

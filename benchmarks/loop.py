@@ -44,6 +44,7 @@ import numpy as np
 from sma_actuator.base import realtime
 from sma_actuator.base.yaml_text import yaml_of
 from sma_actuator.config import NODE_NAME, Config, read_parameter_file
+from sma_actuator.console import write_json
 from sma_actuator.driver import CHECK_PERIOD_s, Driver
 from sma_actuator.instruments import open_daq, open_supply
 from sma_actuator.instruments.clock import MonotonicClock
@@ -471,8 +472,7 @@ def main() -> int:
     rclpy.init(args=[])
     result = {name: MEASUREMENTS[name](args) for name in args.names or MEASUREMENTS}
     rclpy.try_shutdown()
-    if args.json:
-        args.json.write_text(json.dumps(result, indent=2) + "\n")
+    write_json(args, result)
     return 0
 
 

@@ -12,7 +12,6 @@ possible.  A time at which something happened once stays where the fit has it, b
 from __future__ import annotations
 
 import argparse
-import json
 import math
 from pathlib import Path
 
@@ -27,13 +26,13 @@ from rich.table import Table
 from scipy.stats import norm
 
 from sma_actuator.bench.hidden import TWINS
+from sma_actuator.console import write_json
 from sma_actuator.diagnosis.trace.candidates import candidate, untestable
 from sma_actuator.diagnosis.trace.evidence import Evidence
 from sma_actuator.diagnosis.trace.likeliest import likeliest
 from sma_actuator.diagnosis.trace.problem import Likeliest
 from sma_actuator.diagnosis.trace.rows import Rows
 from sma_actuator.diagnosis.trace.scales import scales_of
-from sma_actuator.logs.files import write_atomically
 from sma_actuator.plant.worlds import HOME
 
 EFFECTS = ("lead_resistance", "shunt", "creep", "reference_lag", "load_cell_drift")
@@ -111,9 +110,7 @@ def main() -> int:
     print(
         f"odds of the effect against its rival: off by at most a factor {math.exp(max(off)):.2f} (in {len(off)} pairs)"
     )
-    if args.json:
-        text = json.dumps(found, indent=1) + "\n"
-        write_atomically(args.json, lambda stream: stream.write(text.encode()))
+    write_json(args, found)
     return 0
 
 

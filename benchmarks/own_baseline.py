@@ -11,7 +11,6 @@ sessions with other seeds, which no fit has seen.
 from __future__ import annotations
 
 import argparse
-import json
 import tempfile
 from pathlib import Path
 
@@ -21,10 +20,10 @@ from rich.console import Console
 from rich.table import Table
 
 from sma_actuator.config import Config
+from sma_actuator.console import write_json
 from sma_actuator.diagnosis.trace import Evidence, trace
 from sma_actuator.diagnosis.trace.report import extended, summary
 from sma_actuator.logs.bench_log import read_bench_log
-from sma_actuator.logs.files import write_atomically
 from sma_actuator.replay import replay
 
 
@@ -84,9 +83,7 @@ def main() -> int:
             "before": rows[0],
             "after": rows[1],
         }
-    if args.json:
-        text = json.dumps(numbers, indent=1) + "\n"
-        write_atomically(args.json, lambda stream: stream.write(text.encode()))
+    write_json(args, numbers)
     return 0
 
 

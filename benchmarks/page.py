@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import json
 import os
 import re
 import signal
@@ -23,6 +22,8 @@ import time
 from pathlib import Path
 
 from chromium import Chromium
+
+from sma_actuator.console import write_json
 
 FILLING_s = 180.0  #: until all that is kept is full
 ALONE_s = 20.0  #: how long the node is watched before the page is opened
@@ -45,8 +46,7 @@ def main() -> int:
             demo.send_signal(signal.SIGINT)
             demo.wait(60.0)
     settled = [row for row in rows if row["time_s"] >= FILLING_s]
-    if args.json:
-        args.json.write_text(json.dumps(rows, indent=1) + "\n")
+    write_json(args, rows)
     if len(settled) < 2:
         print(f"too short to judge the memory: more than {FILLING_s / 60.0 + 1.0:g} minutes are wanted")
         return 0

@@ -10,7 +10,6 @@ wires from ten logs; and the memory and time to read a log of ten million rows.
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import subprocess
 import sys
@@ -27,11 +26,11 @@ from rich.table import Table
 
 from sma_actuator.base.jit import COMPILED
 from sma_actuator.base.signals import Signals
+from sma_actuator.console import write_json
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import identify
 from sma_actuator.logs.bench_log import BenchLog, write_bench_log
 from sma_actuator.logs.experiments import make_experiment
-from sma_actuator.logs.files import write_atomically
 
 SAMPLES = 4_000_000
 LOOP_SAMPLES = 200_000
@@ -117,9 +116,7 @@ def main() -> int:
         if name.startswith("identify"):
             console.print(f"{name}: {value:.1f}")
     long_log(console, numbers)
-    if args.json:
-        text = json.dumps(numbers, indent=1) + "\n"
-        write_atomically(args.json, lambda stream: stream.write(text.encode()))
+    write_json(args, numbers)
     return 0
 
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import json
 import tempfile
 from pathlib import Path
 
@@ -27,11 +26,11 @@ from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, Virt
 from sma_actuator.characterise import PlanOptions, Rig, characterise, make_plan
 from sma_actuator.characterise.operators import BenchOperator
 from sma_actuator.config import Config, bench_from_mapping, read_parameter_file
+from sma_actuator.console import write_json
 from sma_actuator.identify import identify
 from sma_actuator.identify.verdict.errors import log_error
 from sma_actuator.logs.bench_log import BenchLog, read_bench_log
 from sma_actuator.logs.experiments import make_experiment
-from sma_actuator.logs.files import write_atomically
 from sma_actuator.plant.worlds import HOME, WORLDS
 from sma_actuator.replay import estimate_m, replay
 
@@ -159,9 +158,7 @@ def main() -> int:
         if wire == "flexinol":
             fits_and_steps(console, numbers, calibration, judged, mapping, configs["flexinol"])
         literature(console, numbers, wire, calibration, judged, configs)
-    if args.json:
-        text = json.dumps(numbers, indent=1) + "\n"
-        write_atomically(args.json, lambda stream: stream.write(text.encode()))
+    write_json(args, numbers)
     return 0
 
 

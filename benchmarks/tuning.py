@@ -18,7 +18,6 @@ more with `thermal.derate_temperature` where the wire is sure to come to be hott
 from __future__ import annotations
 
 import argparse
-import json
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -33,6 +32,7 @@ from sma_actuator.base.errors import UserError
 from sma_actuator.base.signals import Mode, Output, Tuned
 from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualClock
 from sma_actuator.cli.tune import bounded, tune
+from sma_actuator.console import write_json
 from sma_actuator.control.tuning import GAINS
 from sma_actuator.driver import Driver
 from sma_actuator.plant.worlds import WORLDS
@@ -207,8 +207,7 @@ def main() -> int:
         f"{sum(bool(f.trouble) for f in found)} of {len(found)} given up or with a fault; "
         f"{sum(f.hot_s == f.hot_s for f in found)} of {len(found)} given up, and off, when too hot"
     )
-    if args.json:
-        args.json.write_text(json.dumps([asdict(f) for f in found], indent=1) + "\n", encoding="utf-8")
+    write_json(args, [asdict(f) for f in found])
     return 0
 
 

@@ -13,7 +13,6 @@ range with both ends.
 from __future__ import annotations
 
 import argparse
-import json
 import tempfile
 import time
 from dataclasses import dataclass, replace
@@ -32,12 +31,12 @@ from sma_actuator.characterise import PlanOptions, Rig, characterise, make_plan
 from sma_actuator.characterise.operators import BenchOperator
 from sma_actuator.characterise.programs import Drive, Program, hold
 from sma_actuator.config import Config, bench_from_mapping, read_parameter_file
+from sma_actuator.console import write_json
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import identify
 from sma_actuator.identify.fitters.whole_range import regions
 from sma_actuator.logs.bench_log import BenchLog, read_bench_log
 from sma_actuator.logs.experiments import make_experiment
-from sma_actuator.logs.files import write_atomically
 from sma_actuator.plant.worlds import WORLDS
 
 WIRES = ("flexinol", "furukawa")
@@ -231,9 +230,7 @@ def main() -> int:
         f"({max(n['fit_cpu_s'] for n in numbers.values()):.0f} s of one core), "
         f"{max(n['numbers'] for n in numbers.values())} coefficients"
     )
-    if args.json:
-        text = json.dumps(numbers, indent=1) + "\n"
-        write_atomically(args.json, lambda stream: stream.write(text.encode()))
+    write_json(args, numbers)
     return 0
 
 
