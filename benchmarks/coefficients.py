@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import copy
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 import yaml
@@ -78,6 +79,18 @@ def characterised(name: str, parameters: dict, seed: int) -> list[str]:
     return sorted(str(path) for kind in ("pulses", "partial") for path in folder.glob(f"{kind}_*.csv"))
 
 
+def bench_of(name: str) -> Path:
+    """The parameter file of the bench with this wire."""
+    return ROOT / "config" / f"{name}_bench.yaml"
+
+
+def identified(name: str, model: str, logs: Iterable[str]) -> None:
+    """Write the parameter file of the wire with this model, and its page."""
+    written = ["--out", str(ROOT / "config" / f"{model}.yaml"), "--report", str(OUT / f"{model}.html")]
+    given = ["--config", str(bench_of(name)), "--model", model, "--no-extension", "--force"]
+    _run("identify", *logs, *given, *written)
+
+
 def _run(*words: str) -> None:
     if code := sma_actuator(list(words)):
         sys.exit(code)
@@ -99,43 +112,14 @@ def write_pair(wire: Path, out: Path) -> None:
 def main() -> None:
     """Write the four parameter files of wires, and that of a joint."""
     for name in ("flexinol", "furukawa"):
-        bench = ROOT / "config" / f"{name}_bench.yaml"
-        parameters = read_parameter_file(bench)
-        logs = characterised(name, parameters, seed=1)
-        _run(
-            "identify",
-            *logs,
-            "--config",
-            str(bench),
-            "--model",
-            name,
-            "--out",
-            str(ROOT / "config" / f"{name}.yaml"),
-            "--report",
-            str(OUT / f"{name}.html"),
-            "--no-extension",
-            "--force",
-        )
+        parameters = read_parameter_file(bench_of(name))
+        identified(name, name, characterised(name, parameters, seed=1))
         others = [
             log
             for seed, size in enumerate(OTHER_SIZES, start=2)
             for log in characterised(name, resized(parameters, *size), seed)
         ]
-        model = f"{name}_normalised"
-        _run(
-            "identify",
-            *others,
-            "--config",
-            str(bench),
-            "--model",
-            model,
-            "--out",
-            str(ROOT / "config" / f"{model}.yaml"),
-            "--report",
-            str(OUT / f"{model}.html"),
-            "--no-extension",
-            "--force",
-        )
+        identified(name, f"{name}_normalised", others)
     write_pair(ROOT / "config" / "flexinol.yaml", ROOT / "config" / "pair.yaml")
 
 
