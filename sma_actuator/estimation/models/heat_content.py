@@ -190,27 +190,8 @@ def features_all(
     """``features`` of n samples whose share of the stroke is known; a log begins where ``first``."""
     for i in range(len(time)):
         if first[i]:
-            at_rest(
-                time=time[i],
-                power=power[i],
-                ambient=ambient[i],
-                resistance=resistance[i],
-                share=share[i],
-                thermal=thermal,
-                state=state,
-            )
-        features(
-            time=time[i],
-            power=power[i],
-            ambient=ambient[i],
-            resistance=resistance[i],
-            stress=stress[i],
-            thermal=thermal,
-            widths_K=widths_K,
-            widths_Ohm=widths_Ohm,
-            state=state,
-            out=out[i],
-        )
+            at_rest(time[i], power[i], ambient[i], resistance[i], share[i], thermal, state)
+        features(time[i], power[i], ambient[i], resistance[i], stress[i], thermal, widths_K, widths_Ohm, state, out[i])
         state[SHARE_AT] = share[i]
 
 
