@@ -69,7 +69,7 @@ def _contracted(experiments: Sequence[Experiment], config: Config) -> dict:
     forgets_s = FORGETS * config.thermal.balance.time_constant_s
     rows = []
     for experiment in experiments:
-        if experiment.kind != FULL or not experiment.constant_load:
+        if experiment.kind != FULL:
             continue
         wire_C, _ = _heat_balance_C(experiment, config.thermal)
         values = np.column_stack((experiment.stress_Pa, experiment.resistance_Ohm, experiment.displacement_m, wire_C))

@@ -44,7 +44,7 @@ def learn(experiments: Sequence[Experiment], config: Config, calibration: Calibr
     thermal = config.thermal
     rows, wanted = [], []
     for experiment in experiments:
-        if experiment.kind != FULL or not experiment.constant_load:
+        if experiment.kind != FULL:
             continue
         signals = experiment.signals
         share = _share(experiment, calibration)

@@ -11,17 +11,19 @@ from sma_actuator.base.signals import Quality
 from sma_actuator.characterise.programs import partial_cycles, square_pulses
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import IdentificationError, identify
+from sma_actuator.identify.fitters.whole_range import learner
 from sma_actuator.identify.identification import identify_best
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.experiments import make_experiment
-from sma_actuator.plant.loads import Weight
+from sma_actuator.plant.loads import Spring, Weight
 
 LOAD_N = 1.0
+SPRING = Spring(300.0, 0.5)
 
 
-def record(wire, seed, load_N=LOAD_N, cycles=4):
-    """Pulses, then partial cycles, at one weight."""
-    _, rig, _ = virtual_rig(wire, seed=seed, load=Weight(load_N))
+def record(wire, seed, load_N=LOAD_N, cycles=4, spring=None):
+    """Pulses, then partial cycles, at one weight, or on a spring."""
+    _, rig, _ = virtual_rig(wire, seed=seed, load=spring or Weight(load_N))
     current_A = {"flexinol": 0.3, "furukawa": 0.6}[wire]
     places_m = {"flexinol": (0.0035, 0.0010), "furukawa": (0.0015, 0.0005)}[wire]
     with rig.opened():
@@ -102,6 +104,31 @@ def test_one_long_log_is_cut_into_stretches_to_hold_some_out(from_one_log):
     assert from_one_log.fit.coefficients.curve_interval > 0.0  # of stretches left out
     assert from_one_log.chosen.startswith("take whole_range")
     assert error_percent(from_one_log, record("flexinol", 2)[0])[0] < 0.6
+
+
+@pytest.fixture(scope="module")
+def on_a_spring():
+    """The model of a wire on which nobody hung a weight: it pulls the spring of its joint."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(learner, "UNITS", 8)  # in a quarter of the time
+        return identify_best(record("flexinol", 1, spring=SPRING), bench_mapping("flexinol"))
+
+
+def test_the_spring_of_a_joint_will_do(on_a_spring):
+    assert on_a_spring.config.model_type == "whole_range"
+    assert on_a_spring.verdict.good_for_control
+    assert error_percent(on_a_spring, record("flexinol", 2, spring=SPRING)[0])[0] < 0.8
+
+
+def test_a_spring_tells_what_heat_the_wire_takes_as_a_weight_does(on_a_spring, thesis):
+    """By that a node knows how hot it may make it, and tracing knows another heat loss."""
+    pulled, hung = (found.config.calibration for found in (on_a_spring, thesis))
+    assert pulled.hot_end.contracted_temperature == pytest.approx(hung.hot_end.contracted_temperature, abs=6.0)
+    (stress_Pa,) = hung.hot_end.contracted_stress
+    for share in (0.2, 0.5, 0.8):
+        assert pulled.power.heating_C(share, stress_Pa) == pytest.approx(
+            hung.power.heating_C(share, stress_Pa), abs=4.0
+        )
 
 
 def test_two_cycles_are_too_few_for_it_and_the_thesiss_model_is_taken(logs):

@@ -296,14 +296,19 @@ class WholeRangeCoefficients:
         ]
 
     def _wrong_sense(self) -> list[str]:
-        """The physical curve goes up from the hot and little resistant wire to the cold and resistant one."""
+        """The physical curve goes up from the hot and little resistant wire to the cold and resistant one.
+
+        Of a wire that was on one spring alone it may go by the load, which tells that spring's length.
+        """
         by_resistance, by_temperature = self.curve[1], self.curve[DIRECT]
-        hot, cold = (
+        hot, cold, hot_m, cold_m = (
             np.polynomial.polynomial.polyval(np.array(self.stress_range), end)
-            for end in (self.hot_resistance, self.cold_resistance)
+            for end in (self.hot_resistance, self.cold_resistance, self.hot_end, self.cold_end)
         )
         problems = []
-        if not by_resistance > by_temperature:
+        if not (cold_m > hot_m).all():
+            problems.append(f"model.hot_end: not below model.cold_end, {COUNTS_CONTRACTION}")
+        elif any(self.hot_end[1:]) and not by_resistance > by_temperature:
             problems.append(f"model.curve: displacement falls from the hot wire to the cold one, {COUNTS_CONTRACTION}")
         if not (cold > hot).all():
             problems.append("model.cold_resistance: not above model.hot_resistance over all of model.stress_range")
