@@ -81,6 +81,17 @@ def unpowered_then_hot():
     yield from hold(0.3, 2.0)
 
 
+@pytest.mark.parametrize(("words", "cut"), [(("pulses",), True), (("pulses", "partial"), False)])
+def test_no_load_is_left_out_with_its_only_log(flexinol, words, cut):
+    """The errors of logs left out make the intervals: of a load that nothing is left of they would be those of another
+    wire."""
+    config = bench_from_mapping(flexinol.mapping)
+    experiments = make_experiments(flexinol.only(*words), config, remembered=True)
+    data = Data(experiments, config)
+    of_log = np.split(data.log_fold[: sum(data.lengths)], np.cumsum(data.lengths)[:-1])
+    assert [len(np.unique(each)) > 1 for each in of_log] == [cut] * len(experiments)
+
+
 def test_a_wire_that_no_current_has_warmed_begins_as_cold_as_around_it(whole):
     """Heated at once it is not taken for one that the current has held hot for long; live as in replay."""
     config = Config.from_mapping(whole.mapping)

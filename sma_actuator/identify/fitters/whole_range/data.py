@@ -108,10 +108,7 @@ class Data:
         hot, cold = powers @ self.ends[0], powers @ self.ends[1]
         self.share = np.clip((self.displacement - hot) / (cold - hot), 0.0, 1.0)
         of_log = np.repeat(np.tile(np.arange(len(experiments)), copies), lengths)
-        thirds = [_thirds(p.cycle) for p in own]
-        # Of a few long logs a third of the cycles is held out in turn, one beside the other.
-        few = len(experiments) < FOLDS
-        self.log_fold = np.concatenate(thirds * copies) if few else _log_folds(experiments)[of_log]
+        self.log_fold = np.concatenate(_log_folds(experiments, own) * copies)
         self.load_fold = _load_folds(experiments)[of_log]
         self.cycle = self.cycle + of_log
         stride = max(1, -(-len(self.time) // MOST_ROWS))
@@ -273,12 +270,17 @@ def _thirds(cycle: np.ndarray) -> np.ndarray:
     return np.minimum(np.maximum(cycle - 1, 0) * FOLDS // max(int(cycle[-1]), 1), FOLDS - 1)
 
 
-def _log_folds(experiments: Sequence[Experiment]) -> np.ndarray:
-    """A fold for every log; logs of neighbouring loads, and of one load, are in different ones."""
-    stress = np.array([t.mean_stress_Pa for t in experiments])
-    out = np.empty(len(stress), dtype=int)
-    out[np.argsort(stress, kind="stable")] = np.arange(len(stress)) % FOLDS
-    return out
+def _log_folds(experiments: Sequence[Experiment], own: Sequence[_Samples]) -> list[np.ndarray]:
+    """A fold for every sample of each log, so that none leaves a load out: logs of neighbouring loads, and of one load,
+    are in different ones; a log that is its load's only one is cut in three, as are all of a few long ones."""
+    load = load_numbers(experiments)
+    number = np.empty(len(load), dtype=int)
+    number[np.argsort([t.mean_stress_Pa for t in experiments], kind="stable")] = np.arange(len(load)) % FOLDS
+    alone = (np.bincount(load)[load] == 1) | (len(load) < FOLDS)
+    return [
+        _thirds(p.cycle) if cut else np.full(len(p.cycle), fold)
+        for p, cut, fold in zip(own, alone, number, strict=True)
+    ]
 
 
 def _load_folds(experiments: Sequence[Experiment]) -> np.ndarray:
