@@ -293,7 +293,7 @@ def summary(result: Identification, extended: Extended | None = None) -> dict:
 
 def _regions(result: Identification) -> Table:
     """The verdict's figures."""
-    table = Table(title="The same, on cycles left out of the fit")
+    table = Table(title=f"The same, on {result.verdict.left_out} left out of the fit")
     table.add_column("load [N]", justify="right")
     for name in REGIONS:
         table.add_column(name, justify="right")

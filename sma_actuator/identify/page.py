@@ -52,7 +52,7 @@ def write_page(path: Path, result: Identification) -> None:
             ("all" if np.isnan(row["load_N"]) else row["load_N"], *(row.get(name, float("nan")) for name in REGIONS))
             for row in (*result.verdict.loads, {"load_N": float("nan"), **result.verdict.regions})
         ],
-        "The same, on cycles left out of the fit: what the verdict judges.",
+        f"The same, on {result.verdict.left_out} left out of the fit: what the verdict judges.",
     )
     _coefficients(page, result)
     if hasattr(model, "limits_m"):

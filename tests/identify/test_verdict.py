@@ -1,5 +1,6 @@
 """What is said of a model that was just identified: good for what, for what not, and why."""
 
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
@@ -36,6 +37,18 @@ def test_a_good_model_is_said_to_be_good_and_where():
     assert found.sentences[0].startswith("good for control from 1.00 to 3.00 mm (67% of the stroke")
     assert "cycles it has not seen" in found.sentences[0]
     assert not any(sentence.startswith("not for") for sentence in found.sentences)
+
+
+def test_the_first_sentence_says_of_what_it_is_and_how_far_off_the_worst_are():
+    unseen = dataclasses.replace(samples(working=1.0, partial=1.0), what="logs")
+    far = (unseen.place_m > 2.7e-3) & (unseen.place_m < RANGE_m[1])
+    found = verdict(dataclasses.replace(unseen, error_percent=np.where(far, 3.0, unseen.error_percent)))
+    assert found.sentences[0].endswith("on logs it has not seen; one place of 20 by more than 3.0 %")
+    assert found.left_out == "logs"
+    replayed = verdict(unseen, replayed=samples(working=3.0, partial=3.0))
+    assert replayed.sentences[0].endswith(
+        "on logs left out, shown where the wire was, by 1.0 %; one place of 20 by more than 3.0 %"
+    )
 
 
 @pytest.mark.parametrize(
@@ -79,6 +92,22 @@ def test_no_model_is_called_better_than_it_replays_its_own_logs():
 def test_a_load_at_which_the_model_goes_astray_by_itself_is_named():
     found = verdict(samples(working=0.5), replayed=samples(working=0.5, at_load={1.5: 6.0}))
     assert any(said.startswith("not for 1.5 N (4.5 %)") for said in found.sentences)
+
+
+def test_a_place_where_the_wire_lay_for_long_counts_no_more_than_another():
+    """A calibration rests at the cold end, where a model errs least; the mean was that of the rest."""
+    unseen = samples(working=1.0, partial=1.0)
+    rests = np.full(20_000, 2.9e-3)
+    found = verdict(
+        Unseen(
+            np.append(unseen.log, 0.0 * rests),
+            np.append(unseen.load_N, 0.5 + 0.0 * rests),
+            np.append(unseen.place_m, rests),
+            np.append(unseen.error_percent, 0.0 * rests),
+            np.append(unseen.partial, rests < 0.0),
+        )
+    )
+    assert 0.9 < found.regions["working range"] < 1.0
 
 
 def test_a_poor_fit_is_not_good_for_control():

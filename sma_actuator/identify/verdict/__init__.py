@@ -1,4 +1,4 @@
-"""What a model that was just identified is good for, and what not, in words: from cycles it has not seen.
+"""What a model that was just identified is good for, and what not, in words: from logs or cycles it has not seen.
 
 A mean over all that was measured hides where it fails.  So it is judged per load and per region: the working range,
 what lies beyond it at the hot and at the cold end of the stroke, and the partial cycles.
@@ -25,6 +25,9 @@ POOR_percent = 4.0
 _NARROW = 0.5  #: share of the stroke
 _WIDENS = 0.1  #: share of the stroke that leaving a load out must give to be worth a word
 _CLEARLY = 1.3  #: times as large is an error clearly larger than another
+_ONE_OF = 20  #: places is further off than what is said of them
+_PLACES = 20  #: of the stroke that count alike
+_SEEN = 10  #: samples from which on a place counts as one
 _FEWEST = 10  #: samples that a region of a load is judged by
 REGIONS = ("working range", "hot end", "cold end", "partial cycles")
 
@@ -37,6 +40,7 @@ class Verdict:
     sentences: list[str]  #: the first says it all; then for what not, why, and what would mend it
     regions: dict[str, float]  #: mean absolute error, % of full stroke
     loads: list[dict[str, float]] = field(default_factory=list)  #: of each load, by region
+    left_out: str = "cycles"  #: what the figures are of
 
     def as_mapping(self) -> dict[str, Any]:
         """For machines."""
@@ -64,17 +68,18 @@ def judge(
 
     ``unseen``: what it was judged on; ``seen_too``: on cycles it was fitted on, since there are no others;
     ``replayed``: the logs that it was fitted on, as it estimates them by itself.  A fit that is shown the displacement
-    meanwhile may do better on cycles left out than the model on any: none is called better than it replays these.
+    meanwhile may do better on what was left out than the model on any: none is called better than it replays these.
     ``foreign_loads_N``: below and above which the node calls a load foreign, where the logs are of one load.
     """
     regions, loads = _by_load(unseen, range_m)
     in_replay, by_load_in_replay = _by_load(unseen if replayed is None else replayed, range_m)
     other = "" if model_type == "whole_range" else "; `--model whole_range` is for that"
     working, by_itself = regions.get("working range", math.inf), in_replay.get("working range", 0.0)
-    on_what = "on the cycles it was fitted on" if seen_too else "on cycles it has not seen"
+    on_what = "on the cycles it was fitted on" if seen_too else f"on {unseen.what} it has not seen"
+    off = unseen
     if by_itself > _CLEARLY * working:
-        on_what = f"in replay of its own logs; on cycles left out, shown where the wire was, by {working:.1f} %"
-        working = by_itself
+        on_what = f"in replay of its own logs; on {unseen.what} left out, shown where the wire was, by {working:.1f} %"
+        working, off = by_itself, unseen if replayed is None else replayed
     low_m, high_m = range_m
     stroke_m = float(np.subtract(*np.percentile(unseen.place_m, (99.5, 0.5))))
     share = min((high_m - low_m) / stroke_m, 1.0)
@@ -82,6 +87,8 @@ def judge(
     only = ", but only" if share < _NARROW else ""
     where = f"{low_m * 1e3:.2f} to {high_m * 1e3:.2f} mm ({share:.0%} of the stroke in these logs)"
     sentences = [f"{word} for control{only} from {where}: it errs by {working:.1f} % of full stroke there {on_what}"]
+    if (rare := _rare(off, range_m)) is not None:
+        sentences[0] += f"; one place of {_ONE_OF} by more than {rare:.1f} %"
     if working > GOOD_percent:
         sentences.append(
             "its curves do not follow these loops; look at the page's loops, measure more cycles at each load, or fit "
@@ -95,7 +102,28 @@ def judge(
     sentences += _about_a_second_round(experiments) if model_type == "whole_range" else []
     sentences += _about_the_range(experiments, range_m, stroke_m, full_stroke_m) if share < _NARROW else []
     sentences += bounds
-    return Verdict(working <= POOR_percent, sentences, regions, loads)
+    return Verdict(working <= POOR_percent, sentences, regions, loads, unseen.what)
+
+
+def _rare(found: Unseen, range_m: tuple[float, float]) -> float | None:
+    """What one of so many places in the working range exceeds."""
+    inside = (found.place_m >= range_m[0]) & (found.place_m <= range_m[1])
+    if np.count_nonzero(inside) < _FEWEST:
+        return None
+    error, counts = found.error_percent[inside], _alike(found)[inside]
+    order = np.argsort(error)
+    return float(error[order][np.searchsorted(np.cumsum(counts[order]), (1.0 - 1.0 / _ONE_OF) * counts.sum())])
+
+
+def _alike(found: Unseen) -> np.ndarray:
+    """What each sample counts, so that every place counts alike at every load: whoever drives the wire asks for any of
+    them, and in a calibration it lies at its cold end most of the time."""
+    low_m, high_m = np.percentile(found.place_m, (0.5, 99.5))
+    place = np.clip(found.place_m, low_m, high_m) // max((high_m - low_m) / _PLACES, 1e-9)
+    _, which, samples = np.unique(
+        np.column_stack([found.load_N, place]), axis=0, return_inverse=True, return_counts=True
+    )
+    return 1.0 / np.maximum(samples, _SEEN)[which.ravel()]
 
 
 def _by_load(found: Unseen, range_m: tuple[float, float]) -> tuple[dict[str, float], list[dict[str, float]]]:
@@ -112,8 +140,9 @@ def _regions(unseen: Unseen, range_m: tuple[float, float], here: np.ndarray) -> 
     low_m, high_m = range_m
     inside = (unseen.place_m >= low_m) & (unseen.place_m <= high_m)
     chosen = (inside, unseen.place_m < low_m, unseen.place_m > high_m, inside & unseen.partial)
+    counts = _alike(unseen)
     return {
-        name: round(float(unseen.error_percent[rows & here].mean()), 3)
+        name: round(float(np.average(unseen.error_percent[rows & here], weights=counts[rows & here])), 3)
         for name, rows in zip(REGIONS, chosen, strict=True)
         if np.count_nonzero(rows & here) >= _FEWEST
     }

@@ -1,4 +1,4 @@
-"""Samples of cycles that a model was not fitted on, and how far it is off there."""
+"""Samples of logs or cycles that a model was not fitted on, and how far it is off there."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ class Unseen:
     place_m: np.ndarray  #: measured displacement
     error_percent: np.ndarray  #: size of the error, % of the full stroke
     partial: np.ndarray  #: bool: of a log of partial cycles
+    what: str = "cycles"  #: that were left out, or "logs", where those were whole ones
 
 
 def unseen_of(experiments: Sequence[Experiment], estimate_m: np.ndarray, full_stroke_m: float) -> Unseen:

@@ -108,7 +108,9 @@ class Data:
         hot, cold = powers @ self.ends[0], powers @ self.ends[1]
         self.share = np.clip((self.displacement - hot) / (cold - hot), 0.0, 1.0)
         of_log = np.repeat(np.tile(np.arange(len(experiments)), copies), lengths)
-        self.log_fold = np.concatenate(_log_folds(experiments, own) * copies)
+        folds = _log_folds(experiments, own)
+        self.cuts_logs = any(len(np.unique(each)) > 1 for each in folds)  #: whole ones are not left out
+        self.log_fold = np.concatenate(folds * copies)
         self.load_fold = _load_folds(experiments)[of_log]
         self.cycle = self.cycle + of_log
         stride = max(1, -(-len(self.time) // MOST_ROWS))

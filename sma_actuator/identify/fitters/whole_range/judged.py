@@ -41,7 +41,7 @@ class WholeRangeFit:
 
     coefficients: WholeRangeCoefficients
     held_out: HeldOut
-    unseen: Unseen  #: samples of cycles left out
+    unseen: Unseen  #: samples of logs left out, as far off as at loads between those of the fit
     bounds: list[str]  #: a sentence for every number of the heat balance that stands at the end of its range
 
 
