@@ -270,7 +270,8 @@ def _settle_gains(wire: Wire, usual_A: float, lag_s: float, readings: float, ste
     why = f"an error of a quarter of the full stroke asks for {usual_A:.3g} A{less if slow < 1.0 else ''}"
     times, part = 4.0, "quarter"
     if steady_A_m < usual_A_m:
-        why = f"with more, {usual_A_m:.2g}, a wire that transforms within so few kelvins swings about its setpoint"
+        more = f"with more, {_digits(usual_A_m, 2):g}"
+        why = f"{more}, a wire that transforms within so few kelvins swings about its setpoint"
         times, part = 3.0, "third"  # such a one hunts through its hysteresis as well
     kp = settle("controller.kp", _digits(min(usual_A_m, steady_A_m), 2), why)
     settle(

@@ -26,6 +26,7 @@ from sma_actuator.identify.fitters.fitting import predict
 from sma_actuator.identify.fitters.whole_range import learner
 from sma_actuator.identify.fitters.whole_range.data import Data
 from sma_actuator.identify.fitters.whole_range.heat_balance import heat_balance
+from sma_actuator.identify.fitters.whole_range.judged import LeftOut, intervals_of
 from sma_actuator.identify.fitters.whole_range.learner import UNITS, Learner, learn, robust
 from sma_actuator.identify.fitters.whole_range.surroundings import expected
 from sma_actuator.logs.bench_log import signals_from_log
@@ -79,6 +80,24 @@ def unpowered_then_hot():
     """As good as no current, then much."""
     yield from hold(1e-3, 1.0)
     yield from hold(0.3, 2.0)
+
+
+def test_learners_that_agree_and_are_all_off_make_no_interval_of_many_times_their_error():
+    """Of three loads half of an interval was 20 % of the stroke in the loop, where errors were 1 %."""
+    error = np.random.default_rng(1).normal(0.0, 0.5, 4000)
+    left = LeftOut(error, np.full(4000, 0.03), error)
+    interval = np.max(
+        intervals_of(
+            np.linspace(0.0, 1.0, 4000),
+            error > 9.0,
+            np.abs(error) / (left.floor + left.spread),
+            np.linspace(0.0, 1.0, 6),
+        )
+    )
+    assert 0.9 < interval * (left.floor + 0.03) < 1.2, "of 95 %, where they are as near each other as usually"
+    assert interval * (left.floor + 1.0) < 5.0, "and not 30 where they are 1 % apart"
+    apart = LeftOut(error, np.full(4000, 2.0), error)
+    assert apart.floor == 2.0
 
 
 @pytest.mark.parametrize(("words", "cut"), [(("pulses",), True), (("pulses", "partial"), False)])

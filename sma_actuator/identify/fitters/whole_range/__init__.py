@@ -113,7 +113,7 @@ def _coefficients(
     physical = np.clip(terms_of(z[data.learned])[:, :CURVE_TERMS] @ curve, lowest - slack, highest + slack)
     learned = z[data.learned]
     value, spread = team.values(learned)
-    floor = float(np.median(left.spread))
+    floor = left.floor
     score = np.abs(left.error) / (floor + left.spread)
     heating = data.heating[data.rows].astype(bool)
     # How many times as well as those of the logs left out.

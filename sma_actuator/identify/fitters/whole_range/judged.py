@@ -93,6 +93,13 @@ class LeftOut:
     spread: np.ndarray
     curve_error: np.ndarray
 
+    @property
+    def floor(self) -> float:
+        """What is added to a spread before errors are counted in it: how far learners are usually apart, or off where
+        that is more, since what all of them lack is in no spread; else a spread twice as wide said twenty times that
+        error."""
+        return max(float(np.median(self.spread)), float(np.median(np.abs(self.error))))
+
     def beside(self, other: LeftOut, share: float) -> LeftOut:
         """The same with so much of another's error and spread added, which are independent of it."""
         error = np.hypot(self.error, share * other.error)
