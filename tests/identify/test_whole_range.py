@@ -27,7 +27,7 @@ from sma_actuator.identify.fitters.whole_range import learner
 from sma_actuator.identify.fitters.whole_range.data import Data
 from sma_actuator.identify.fitters.whole_range.heat_balance import heat_balance
 from sma_actuator.identify.fitters.whole_range.judged import LeftOut, intervals_of
-from sma_actuator.identify.fitters.whole_range.learner import UNITS, Learner, learn, robust
+from sma_actuator.identify.fitters.whole_range.learner import UNITS, AlongStress, Learner, learn, robust
 from sma_actuator.identify.fitters.whole_range.surroundings import expected
 from sma_actuator.logs.bench_log import signals_from_log
 from sma_actuator.logs.experiments import begins_anew, make_experiment
@@ -319,7 +319,7 @@ def test_a_learner_does_not_stop_where_its_steps_are_timid():
     rng = np.random.default_rng(96)
     z = rng.normal(size=(150, 6))
     target = 30 * np.tanh(2 * z[:, 0] + z[:, 3]) - 20 * np.tanh(3 * z[:, 2] * z[:, 1]) + 10 * np.sign(z[:, 4])
-    one = Learner(features=6, units=8, seed=96, smooth=3.0)
+    one = Learner(features=6, units=8, seed=96, along_stress=AlongStress(1.0))
     weights = learn(one, z, target, iterations=100)
     assert robust(target - one.value(weights, z)) + one.shrinkage @ weights**2 < 2000.0  # stopped: 3132
 
@@ -336,7 +336,7 @@ def test_a_learner_whose_search_has_ended_beside_the_point_learns_anew(monkeypat
     z = rng.normal(size=(150, 6))
     target = 30 * np.tanh(2 * z[:, 0] + z[:, 3]) - 20 * np.tanh(3 * z[:, 2])
     monkeypatch.setattr(learner, "learn", ends_early)
-    team = learner.Team(z, target, iterations=60, smooth=3.0, units=8)
+    team = learner.Team(z, target, iterations=60, along_stress=AlongStress(1.0), units=8)
     assert len(searches) == 4 and team.learners[1] is searches[3]
     costs = [one.cost(one.weights, z, target) for one in team.learners]
     assert max(costs) < 5.0 * min(costs) < searches[1].cost(searches[1].weights, z, target)

@@ -97,6 +97,7 @@ def judge(
     sentences += _about_loads(loads, by_load_in_replay, working)
     if foreign_loads_N is not None:
         sentences.append(_about_one_load(unseen, foreign_loads_N))
+    sentences += _about_two_loads(unseen)
     sentences += _about_ends(unseen, regions, range_m, other)
     sentences += _about_partial_cycles(regions, other)
     sentences += _about_a_second_round(experiments) if model_type == "whole_range" else []
@@ -182,6 +183,19 @@ def _about_one_load(unseen: Unseen, foreign_N: tuple[float, float]) -> str:
         "(estimator_outside); to use other loads record pulses at two or three more weights and give identify all the "
         "logs"
     )
+
+
+def _about_two_loads(unseen: Unseen) -> list[str]:
+    loads_N = [load_N for load_N, _ in _loads(unseen)]
+    if len(loads_N) != 2:
+        return []
+    return [
+        (
+            f"between its two loads, {loads_N[0]:.3g} and {loads_N[1]:.3g} N, it goes along a line, as no wire does: "
+            "where one is three times the other that costs up to some 5 % of full stroke midway (measured in three "
+            "wires of two physics); record pulses at a third weight between them and give identify all the logs"
+        )
+    ]
 
 
 def _about_ends(unseen: Unseen, regions: Mapping[str, float], range_m: tuple[float, float], other: str) -> list[str]:

@@ -72,7 +72,7 @@ def fit_whole_range(
     progress(0.6)
     by_cycle = errors_left_out(z, data, data.cycle[data.rows] % FOLDS)
     progress(0.8)
-    team = Team(z[data.learned], data.displacement[data.rows[data.learned]], ITERATIONS, data.smooth)
+    team = Team(z[data.learned], data.displacement[data.rows[data.learned]], ITERATIONS, data.along_stress)
     coefficients = _coefficients(data, known, z, (centre, scale), team, by_both, rooms)
     progress(1.0)
     rows, error_percent = data.rows[data.measured], np.abs(by_cycle.error[data.measured])
@@ -108,7 +108,7 @@ def _coefficients(
     """In metres, rounded to six digits."""
     target, percent_m = data.displacement[data.rows], data.percent_m
     lowest, highest = (float(v) for v in np.percentile(data.displacement, (0.1, 99.9)))
-    curve = physical_curve(z[data.learned], target[data.learned])
+    curve = physical_curve(z[data.learned], target[data.learned], data.along_stress)
     slack = 0.05 * (highest - lowest)
     physical = np.clip(terms_of(z[data.learned])[:, :CURVE_TERMS] @ curve, lowest - slack, highest + slack)
     learned = z[data.learned]

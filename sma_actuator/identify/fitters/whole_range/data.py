@@ -25,7 +25,7 @@ from sma_actuator.logs.kinds import load_numbers
 
 from .cold_wire import cold_wire
 from .earlier_load import of_earlier_load
-from .learner import ROBUST
+from .learner import ROBUST, AlongStress
 
 FOLDS = 3
 NEVER = -1  #: left out
@@ -35,10 +35,9 @@ MOST_ROWS, FEWER_ROWS = 27000, 9000
 #: Readings closer together are averaged, since they say the same; of a quick wire in this part of its time constant.
 #: Learned from steps three times as long as those of its loop, 37 µm was off by 1.6 % there, from steps as long by 0.6.
 SHORTEST_STEP_s, SHORTEST_STEP = 0.045, 1.0 / 30.0
-#: Logs have a handful of loads, and between them nothing tells a learner how to bend: bends along stress are shrunk so
-#: much more, with fewer than USUAL_LOADS by the square of how much further these are apart, as what is between two of
-#: them goes with it.
-SMOOTH_IN_STRESS, USUAL_LOADS = 3.0, 5
+#: Bends along stress are shrunk the more the fewer loads there are than usual, by the square of how much further these
+#: are apart, as what is between two of them goes with it.
+USUAL_LOADS = 5
 #: Share of the widest range of the resistance that the narrowest under another load has at least: of four wires it was
 #: 0.65 to 0.92.
 LEAST_SPAN = 0.3
@@ -122,7 +121,7 @@ class Data:
         gaps = max(loads - 1, 1)
         #: Rows whose spread is the unit of a feature; a single load has none but in the copies.
         self.scaling_rows = self.rows if loads == 1 else self.rows[self.measured]
-        self.smooth = SMOOTH_IN_STRESS * max(1.0, ((USUAL_LOADS - 1) / gaps) ** 2)
+        self.along_stress = AlongStress(max(1.0, ((USUAL_LOADS - 1) / gaps) ** 2), straight=loads == 2)
         self.span_Ohm = float(np.subtract(*np.percentile(self.resistance, (99, 1))))
 
     def _without_what_it_is_longer(self) -> None:

@@ -45,7 +45,7 @@ def heat_balance(data: Data, progress: Callable[[float], None]) -> tuple[np.ndar
     target = data.displacement[rows]
     seen = data.features(known)[data.scaling_rows]
     centre, scale = seen.mean(axis=0), seen.std(axis=0) + 1e-12
-    learner = Learner(seen.shape[1], 0, data.smooth)
+    learner = Learner(seen.shape[1], 0, data.along_stress)
 
     def scaled(numbers: np.ndarray) -> np.ndarray:
         return (data.features(numbers, measured=True)[rows] - centre) / scale

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,6 +23,19 @@ ROBUST = 1.0  #: % of the full stroke beyond which an error counts linearly
 AGAIN, STARTS = 5.0, 3
 _BOLD = 1e-2  #: damping that a search begins with
 SHRINKAGE = 0.3  #: of the weights, in squared % of the full stroke
+#: Logs have a handful of loads, and between them nothing tells a learner how to bend: bends along stress are shrunk so
+#: much more.
+SMOOTH_IN_STRESS = 3.0
+#: The square of the stress among the terms.  Two loads do not tell it from a constant: half taken for each, a wire was
+#: off by 11 to 49 % midway.  It is shrunk by so many times, and in the physical curve by this weight of each sample.
+SQUARE_OF_STRESS, STRAIGHTENED, HELD_STRAIGHT = 5, 256.0, 0.25
+
+
+class AlongStress(NamedTuple):
+    """How little is to bend from one load to the next."""
+
+    further: float  #: so many times as much as of the usual loads bends are shrunk
+    straight: bool = False  #: the loads tell of a line alone
 
 
 def terms_of(z: np.ndarray) -> np.ndarray:
@@ -33,7 +47,7 @@ def terms_of(z: np.ndarray) -> np.ndarray:
 class Learner:
     """The learned part: its weights as one vector (linear terms, hidden, bias, output), and its derivatives."""
 
-    def __init__(self, features: int, seed: int, smooth: float, units: int | None = None):
+    def __init__(self, features: int, seed: int, along_stress: AlongStress, units: int | None = None):
         self.n, self.m = features, units or UNITS
         self.lines = CURVE_TERMS + features - DIRECT
         self.cut = np.cumsum([self.lines, self.m * self.n, self.m])  #: between the parts of the weights
@@ -44,12 +58,16 @@ class Learner:
         bias = np.linspace(-reach, reach, self.m)
         self.weights = np.concatenate([np.zeros(self.lines), hidden.ravel(), bias, np.zeros(self.m)])
         along = np.full(self.n, 0.3)
-        along[STRESS] *= smooth
+        along[STRESS] *= SMOOTH_IN_STRESS * along_stress.further
         self.shrinkage = np.concatenate(
             [np.full(self.lines, 0.02), np.tile(along, self.m), np.full(self.m, 0.3), np.full(self.m, 1.0)]
         )
         self.shrinkage = SHRINKAGE * self.shrinkage
         self.shrinkage[0] = 0.0
+        self.held = np.ones(self.lines + self.m)  #: where it starts, the linear terms and the outputs
+        if along_stress.straight:
+            for held in (self.shrinkage, self.held):
+                held[SQUARE_OF_STRESS] *= STRAIGHTENED
 
     def parts(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Linear terms, hidden weights, biases, outputs."""
@@ -60,7 +78,7 @@ class Learner:
         """Weights whose linear terms and outputs fit best for the hidden layer that there is."""
         _, hidden, bias, _ = self.parts(self.weights)
         basis = np.column_stack([terms_of(z), np.tanh(z @ hidden.T + bias)])
-        found = np.linalg.solve(basis.T @ basis + np.eye(basis.shape[1]), basis.T @ target)
+        found = np.linalg.solve(basis.T @ basis + np.diag(self.held), basis.T @ target)
         out = self.weights.copy()
         out[: self.lines], out[-self.m :] = found[: self.lines], found[self.lines :]
         return out
@@ -97,14 +115,14 @@ class Team:
         z: np.ndarray,
         target: np.ndarray,
         iterations: int,
-        smooth: float,
+        along_stress: AlongStress,
         learners: int = LEARNERS,
         units: int | None = None,
     ):
         z, target = z.astype(np.float32), target.astype(np.float32)
 
         def learned(seed: int) -> tuple[float, Learner]:
-            learner = Learner(z.shape[1], seed, smooth, units)
+            learner = Learner(z.shape[1], seed, along_stress, units)
             learner.weights = learn(learner, z, target, iterations)
             return learner.cost(learner.weights, z, target), learner
 
@@ -184,9 +202,14 @@ def robust(error: np.ndarray) -> float:
     return float(np.where(size < ROBUST, error * error, 2.0 * ROBUST * size - ROBUST * ROBUST).sum())
 
 
-def physical_curve(z: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """The physical curve: least squares of a quadratic."""
-    return np.linalg.lstsq(terms_of(z)[:, :CURVE_TERMS], target, rcond=None)[0]
+def physical_curve(z: np.ndarray, target: np.ndarray, along_stress: AlongStress) -> np.ndarray:
+    """The physical curve: least squares of a quadratic, without the square of the stress where that is not told."""
+    terms = terms_of(z)[:, :CURVE_TERMS]
+    if along_stress.straight:
+        held = np.zeros((1, CURVE_TERMS))
+        held[0, SQUARE_OF_STRESS] = np.sqrt(HELD_STRAIGHT * len(z))
+        terms, target = np.vstack((terms, held)), np.append(target, 0.0)
+    return np.linalg.lstsq(terms, target, rcond=None)[0]
 
 
 def whitening_of(z: np.ndarray) -> np.ndarray:

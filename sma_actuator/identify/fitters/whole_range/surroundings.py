@@ -49,7 +49,7 @@ def expected(z: np.ndarray, data: Data, growth_1_K: float, scale_K: float) -> Ex
 
     def learned(rows: np.ndarray) -> Team:
         rows = rows if rows.any() else few  # of the usual room there is but what was left out
-        return Team(rest[rows], apparent_K[rows], ITERATIONS, data.smooth, units=UNITS)
+        return Team(rest[rows], apparent_K[rows], ITERATIONS, data.along_stress, units=UNITS)
 
     beyond_K, spread_K = apparent_K.copy(), np.zeros(len(z))
     for number in np.unique(fold[own]):
