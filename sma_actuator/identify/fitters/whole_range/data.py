@@ -110,6 +110,7 @@ class Data:
         folds = _log_folds(experiments, own)
         self.cuts_logs = any(len(np.unique(each)) > 1 for each in folds)  #: whole ones are not left out
         self.log_fold = np.concatenate(folds * copies)
+        self.load = load_numbers(experiments)[of_log]
         self.load_fold = _load_folds(experiments)[of_log]
         self.cycle = self.cycle + of_log
         stride = max(1, -(-len(self.time) // MOST_ROWS))
@@ -118,11 +119,15 @@ class Data:
         self.fewer = np.arange(len(self.rows)) % -(-len(self.rows) // FEWER_ROWS) == 0
         self.measured = self.rows < sum(self.lengths)  # the others are of copies
         self.learned = self.rows < 2 * sum(self.lengths)
-        gaps = max(loads - 1, 1)
         #: Rows whose spread is the unit of a feature; a single load has none but in the copies.
         self.scaling_rows = self.rows if loads == 1 else self.rows[self.measured]
-        self.along_stress = AlongStress(max(1.0, ((USUAL_LOADS - 1) / gaps) ** 2), straight=loads == 2)
+        self.along_stress = AlongStress(max(1.0, ((USUAL_LOADS - 1) / max(loads - 1, 1)) ** 2), straight=loads == 2)
         self.span_Ohm = float(np.subtract(*np.percentile(self.resistance, (99, 1))))
+
+    def along_stress_of(self, learned: np.ndarray) -> AlongStress:
+        """The same where only those rows are learned: of three loads without the one between, two tell of a line."""
+        straight = len(np.unique(self.load[self.rows[learned]])) == 2
+        return self.along_stress._replace(straight=straight)
 
     def _without_what_it_is_longer(self) -> None:
         """Leave displacement and resistance as if all martensite had formed under the load of its sample."""

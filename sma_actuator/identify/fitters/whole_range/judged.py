@@ -118,11 +118,12 @@ def errors_left_out(z: np.ndarray, data: Data, fold: np.ndarray, learners: int =
         if not out.any():
             continue
         learn = ~out & data.learned & data.fewer
-        team = Team(z[learn], target[learn], HELD_OUT_ITERATIONS, data.along_stress, learners)
+        along_stress = data.along_stress_of(learn)
+        team = Team(z[learn], target[learn], HELD_OUT_ITERATIONS, along_stress, learners)
         value, found.spread[out] = team.values(z[out])
         found.error[out] = value - target[out]
         found.curve_error[out] = (
-            terms_of(z[out])[:, :CURVE_TERMS] @ physical_curve(z[learn], target[learn], data.along_stress) - target[out]
+            terms_of(z[out])[:, :CURVE_TERMS] @ physical_curve(z[learn], target[learn], along_stress) - target[out]
         )
     return found
 
