@@ -25,8 +25,17 @@ def samples(working=1.0, hot=1.0, cold=1.0, partial=1.0, loads_N=(0.5, 1.0, 1.5)
     return Unseen(np.repeat(np.arange(n), 200), load_N, np.tile(place_m, n), errors, np.tile(of_partial, n))
 
 
+def of_log(loads_N, kind="pulses"):
+    """A log under these loads."""
+    return SimpleNamespace(
+        log=SimpleNamespace(metadata={"kind": kind}),
+        signals=SimpleNamespace(load_N=np.repeat(loads_N, 100)),
+        constant_load=min(loads_N) == max(loads_N),
+    )
+
+
 def verdict(unseen, range_m=RANGE_m, bounds=(), seen_too=False, model_type="flexinol", kinds=(), replayed=None):
-    logs = [SimpleNamespace(log=SimpleNamespace(metadata={"kind": kind})) for kind in kinds]
+    logs = [of_log((1.0, 1.0), kind) for kind in kinds]
     said = {"model_type": model_type, "seen_too": seen_too, "bounds": bounds}
     return judge(unseen, logs, range_m, 4e-3, replayed=replayed, **said)
 
@@ -124,3 +133,23 @@ def test_a_narrow_range_and_bounds_that_bind_are_named():
 
 def test_judged_on_what_it_was_fitted_on_it_says_so():
     assert "on the cycles it was fitted on" in verdict(samples(), seen_too=True).sentences[0]
+
+
+@pytest.mark.parametrize(
+    ("loads_N", "gap"),
+    [
+        (((0.6, 0.6), (2.0, 2.0)), "between 0.6 and 2 N"),
+        (((1.0, 1.0), (1.1, 1.1)), None),
+        (((0.6, 0.6), (1.0, 1.0), (1.7, 1.7)), None),
+        (((5.6, 5.6), (1.6, 1.6), (1.8, 1.8)), "between 1.8 and 5.6 N"),
+        (((0.6, 1.9), (2.0, 2.0)), None),  # on a spring, and at a weight
+        (((0.6, 1.9), (0.8, 0.8), (5.0, 5.0)), "between 1.9 and 5 N"),
+    ],
+)
+def test_loads_far_from_each_other_with_none_between_are_named(loads_N, gap):
+    """Of 1.6, 1.8 and 5.6 N a model was off by 1.8 % between them, where 0.5 was said."""
+    found = judge(
+        samples(), [of_log(each) for each in loads_N], RANGE_m, 4e-3, model_type="whole_range", seen_too=False
+    )
+    said = [s for s in found.sentences if "no log has a load" in s]
+    assert [s.split(" no log")[0] for s in said] == ([gap] if gap else [])
