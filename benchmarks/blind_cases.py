@@ -98,6 +98,7 @@ UNITS: dict[str, tuple[float, float]] = {
     "first_pulse_set": (1.4e-4, 8e-5),
     "current_feedthrough": (6e-4, 3e-4),
     "channel_delay": (0.3, 0.3),
+    "prior_wear": (2.4e-4, 1.5e-4),
 }
 PAIRS = (
     ("lead_resistance", "slip"),

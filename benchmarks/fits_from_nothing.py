@@ -103,6 +103,11 @@ def truth(case: Case, scales: Scales) -> dict[str, float]:
         "first_pulse_set": {"length": strength},
         "current_feedthrough": {"coupling": strength},
         "channel_delay": {"delay": strength},
+        "prior_wear": {
+            "displacement": strength,
+            "resistance": strength * getattr(twin, "scatter", 0.0) / length_m,
+            "cold_share": getattr(twin, "cold_share", 0.4),
+        },
     }
     return known[name]
 

@@ -40,6 +40,7 @@ STRENGTH = {
     "first_pulse_set": 2e-4,
     "current_feedthrough": 1e-3,
     "channel_delay": 0.3,
+    "prior_wear": 3e-4,
     "draught": 0.3,
     "hum": 2e-4,
     "lvdt_nonlinearity": 2e-4,
@@ -86,6 +87,7 @@ REACHES = {
     "heat_loss": {VOLTAGE, LVDT},
     "draught": {VOLTAGE, LVDT},
     "fatigue": {VOLTAGE, LVDT},
+    "prior_wear": {VOLTAGE, LVDT},
     "ambient_temperature": {VOLTAGE, LVDT, AMBIENT},
 }
 
@@ -302,6 +304,15 @@ def test_fatigue_goes_with_the_square_root_of_the_cycles_and_shrinks_the_stroke(
     counted = cycles[abs(moved - 1.0).argmin()]
     assert error[cold].mean() == pytest.approx(0.4 * 2e-4 * (np.sqrt(counted + 1) - 1.0), rel=0.15)
     assert resistance_Ohm(worn)[-1] > resistance_Ohm(fresh)[-1]
+
+
+def test_a_wire_worn_before_is_longer_from_the_first_reading_and_contracts_less_far():
+    worn, fresh = hidden(prior_wear=3e-4), plain()
+    error = displacement_m(worn) - displacement_m(fresh)
+    hot, cold = error[500:530].mean(), error[5]  # at the end of the last pulse, and before the first
+    assert hot == pytest.approx(3e-4, rel=0.15) and 0.2 * 3e-4 < cold < 0.65 * 3e-4
+    assert error[700:715].mean() == pytest.approx(cold, rel=0.1)  # and no more comes
+    assert resistance_Ohm(worn)[0] > resistance_Ohm(fresh)[0]
 
 
 def test_creep_grows_under_load():

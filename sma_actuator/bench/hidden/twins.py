@@ -213,6 +213,26 @@ class Fatigue(Hidden):
         return self.worn_m * (1.0 - (1.0 - IN_TRAINING.cold_share) * parts.transformation / c.strain_m)
 
 
+@TWINS.register("prior_wear")
+class PriorWear(Hidden):
+    """The wire has done some hundred cycles under too much load since it was calibrated: its hot end lies further by
+    the strength, its cold one by less, and resistivity has grown."""
+
+    unit, where = "m", "wire"
+
+    def draw(self, rng):
+        self.scatter, self.cold_share = rng.uniform(1.5, 3.0), rng.uniform(0.25, 0.6)
+
+    def wire(self, c):
+        more = 1.0 + self.scatter * self.strength / c.length_m
+        return c._replace(rho_m=c.rho_m * more, rho_a=c.rho_a * more, rho_r=c.rho_r * more)
+
+    def stretch_m(self, state, time_s, step_s):
+        c = self.bench.constants
+        parts = physics.strain_parts(c, state[physics.MARTENSITE], state[physics.R_SHARE], c.reference_C)
+        return self.strength * (1.0 - (1.0 - self.cold_share) * parts.transformation / c.strain_m)
+
+
 @TWINS.register("creep")
 class Creep(Hidden):
     """The wire, or its crimps, gives way slowly under load: a spring and a damper side by side, in series with it."""

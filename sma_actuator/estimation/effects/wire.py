@@ -360,6 +360,45 @@ class Fatigue(Effect):
         return ""
 
 
+@EFFECTS.register("prior_wear")
+@dataclass(frozen=True, slots=True)
+class PriorWear(Effect):
+    """The wire has worn since its calibration: the ends of its stroke lie elsewhere from the first reading on.
+
+    It moves them as :class:`Fatigue` does, the hot end more than the cold one, and raises the resistivity; only that
+    was before, so no number of cycles tells how much.
+    """
+
+    PART = "wire"
+    WORDS = "the wire has worn since its calibration: it contracts less far, and hangs longer"
+    REMEDY = "Use less stress or less stroke, and calibrate again; until then the extended model allows for it."
+    TELL_TALE = "displacement_m"
+    displacement: float = parameter(0.0, "how far the hot end has moved", "m", -1.0, 1.0)
+    cold_share: float = parameter(COLD_SHARE, "the same of the cold end, over that of the hot one", "1", -10.0, 10.0)
+    resistance: float = parameter(0.0, "relative rise of the resistance", "1", -0.9, 9.0)
+
+    def at_resistance(self, frame: Frame, state: np.ndarray, place: Place) -> None:
+        """Take the rise of the resistance off."""
+        frame.resistance_Ohm = frame.resistance_Ohm / (1.0 + self.resistance)
+
+    def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
+        """Add what is left in place."""
+        share = left_in_place(place.share_of_stroke(frame), self.cold_share)
+        frame.displacement_m = frame.displacement_m + self.displacement * share
+
+    @classmethod
+    def free(cls, scales: Scales) -> list[Free]:
+        """What a fit may vary."""
+        least = None if scales.calibration_counts else 0.0
+        return [
+            # What raises the resistance alone lies in the circuit.
+            size("displacement", 0.5 * scales.stroke_m, 0.02 * scales.stroke_m, least, other_at=("low",)),
+            size("resistance", 0.1, 0.002, least),
+            # Where the cold end has not moved it is a sensor's gain, where it has moved as far a slip.
+            Free("cold_share", 0.0, 1.0, 1.0, (0.4, 0.8), False, other_at=("low", "high")),
+        ]
+
+
 @EFFECTS.register("creep")
 @dataclass(frozen=True, slots=True)
 class Creep(Effect):

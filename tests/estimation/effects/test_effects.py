@@ -45,6 +45,7 @@ STRONG = {
     "first_pulse_set": {"length": 1e-4},
     "current_feedthrough": {"coupling": 1e-3},
     "channel_delay": {"delay": 0.4},
+    "prior_wear": {"displacement": 2e-4, "cold_share": 0.5, "resistance": 0.004},
 }
 PLACE = Place(
     reference_resistance_Ohm=1.0,
@@ -393,6 +394,18 @@ def test_fatigue_wears_the_hot_end_more_than_the_cold_one():
     np.testing.assert_allclose(5.0 / resistance, 1.0 + 0.004 * worn, rtol=1e-12)
     logarithm = Stages(build("fatigue", exponent=0.0, cold_share=1.0)).through(arrays, np.full(n, 2e-3))[1]
     np.testing.assert_allclose(logarithm.displacement_m - 2e-3, 2e-4 * np.log(cycle), atol=1e-15)
+
+
+def test_wear_of_before_moves_the_hot_end_more_than_the_cold_one_from_the_first_reading():
+    n = 6
+    arrays = Signals(
+        np.arange(n) * 1.0, np.full(n, 5.0), *(np.full(n, x) for x in (0.3, 0.6)), *(np.ones(n) for _ in range(4))
+    )
+    hot_m, cold_m = PLACE.working_range_m
+    for place_m, share in ((hot_m, 1.0), (0.5 * (hot_m + cold_m), 0.75), (cold_m, 0.5)):
+        _, resistance, displacement = through("prior_wear", arrays, np.full(n, place_m))
+        np.testing.assert_allclose(displacement - place_m, 2e-4 * share, atol=1e-15)
+        np.testing.assert_allclose(5.0 / resistance, 1.004, rtol=1e-12)
 
 
 def turned_half_way(**changes):
