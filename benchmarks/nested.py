@@ -42,17 +42,33 @@ SEED = 7
 
 def nested(rows: Rows, found: Likeliest) -> tuple[float, float, int]:
     """Logarithm of the evidence, its standard deviation, and how often the chain ran."""
+    each = [_nested(rows, found, none) for none in found.problem.without]
+    log_z, deviation = np.array([z for z, _, _ in each]), np.array([d for _, d, _ in each])
+    share = np.exp(log_z - np.logaddexp.reduce(log_z))
+    mean = float(np.logaddexp.reduce(log_z)) - math.log(len(each))
+    return mean, float(np.sqrt(np.sum((share * deviation) ** 2))), sum(calls for _, _, calls in each)
+
+
+def _nested(rows: Rows, found: Likeliest, none: np.ndarray) -> tuple[float, float, int]:
+    """The same where some sizes are nothing."""
     p = found.problem
-    below, above = (norm.cdf((edge - p.usual) / p.spread) for edge in (p.low, p.high))
+    some = np.setdiff1d(np.arange(len(p.usual)), none)
+    below, above = (norm.cdf(((edge - p.usual) / p.spread)[some]) for edge in (p.low, p.high))
 
     def from_cube(cube: np.ndarray) -> np.ndarray:
-        return p.clipped(p.usual + p.spread * norm.ppf(below + cube * (above - below)))
+        u = p.usual.copy()
+        u[some] += p.spread[some] * norm.ppf(below + cube * (above - below))
+        return p.clipped(u)
 
     def log_likelihood(u: np.ndarray) -> float:
         return rows.usual.log_likelihood(float(np.sum(rows.usual.whiten(p.residual(u)) ** 2)))
 
     sampler = dynesty.NestedSampler(
-        log_likelihood, from_cube, len(p.usual), nlive=LIVE_POINTS, rstate=np.random.default_rng(SEED)
+        lambda cube: log_likelihood(from_cube(cube)),
+        lambda cube: cube,
+        len(some),
+        nlive=LIVE_POINTS,
+        rstate=np.random.default_rng(SEED),
     )
     sampler.run_nested(dlogz=0.1, print_progress=False)
     result = sampler.results

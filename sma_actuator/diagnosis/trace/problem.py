@@ -7,8 +7,11 @@ effect before the logs: a size is some times what is typical, a shape is somewhe
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
@@ -89,12 +92,37 @@ class Problem:
         ends = np.where(axis > 0.0, self.high, self.low)
         return float(np.min((ends - u)[some] / axis[some]))
 
+    @cached_property
+    def without(self) -> list[np.ndarray]:
+        """Which sizes may be nothing at once (their numbers), each choice as likely before the logs: of an effect that
+        has several, some, but not all; a zero that was moved need not move on."""
+        of_each = []
+        for c in self.candidates:
+            own = [i for i, (other, f) in enumerate(self.slots) if other is c and f.is_size]
+            may = [i for i in own if "low" not in self.slots[i][1].other_at]
+            of_each.append([some for n in range(len(may) + 1) for some in combinations(may, n) if n < len(own)] or [()])
+        return [np.array(sum(choice, ()), dtype=int) for choice in product(*of_each)]
+
     def possible(self, u: np.ndarray, covariance: np.ndarray) -> float:
         """Logarithm of how much of a normal distribution of the parameters is possible, over how much of it was before
-        the logs: a size of one sign has half of one, and nothing is paid for the half that cannot be."""
+        the logs: a size of one sign has half of one, and nothing is paid for the half that cannot be.
+
+        The mean over what may be nothing (:meth:`without`): there the distribution is that on condition that it is, and
+        has the weight of its density there over that before the logs (J. M. Dickey, Ann. Math. Statist. 42 (1971)
+        204-223), so nothing is paid either for a size that an effect has no need of.
+        """
         low, high = self.low - EDGE, self.high + EDGE
         before = log_share_between((low - self.usual) / self.spread, (high - self.usual) / self.spread)
-        return log_share_within(u, covariance, low, high) - float(np.sum(before))
+        found = []
+        for none in self.without:
+            some = np.setdiff1d(np.arange(len(u)), none)
+            given = np.linalg.solve(covariance[np.ix_(none, none)], np.column_stack((u[none], covariance[none])))
+            mean = u - covariance[:, none] @ given[:, 0]
+            left = covariance - covariance[:, none] @ given[:, 1:]
+            density = -0.5 * (u[none] @ given[:, 0] + np.linalg.slogdet(covariance[np.ix_(none, none)])[1])
+            within = log_share_within(mean[some], left[np.ix_(some, some)], low[some], high[some])
+            found.append(density + float(np.sum(np.log(self.spread[none]))) + within - float(np.sum(before[some])))
+        return float(np.logaddexp.reduce(found)) - math.log(len(found))
 
     def cost(self, covariance: Covariance, rows: np.ndarray, u: np.ndarray) -> float:
         """Squares under the covariance, and of what is known of the parameters."""

@@ -40,9 +40,12 @@ class Line(Made):
         return self.base + self.slopes @ (np.array([drift.offset, drift.rate]) / TYPICAL)
 
 
-def candidate(limit=100.0, least=None, other_at=(), least_rate=None):
+def candidate(limit=100.0, least=None, other_at=(), least_rate=None, both=False):
+    """``both``: neither may be nothing."""
+    other_at = ("low",) if both else other_at
     offset = size("offset", limit * TYPICAL[0], TYPICAL[0], least, other_at)
-    return Candidate(NAME, (offset, size("rate", limit * TYPICAL[1], TYPICAL[1], least_rate)), {})
+    rate = size("rate", limit * TYPICAL[1], TYPICAL[1], least_rate, ("low",) if both else ())
+    return Candidate(NAME, (offset, rate), {})
 
 
 def of(true, limit=100.0, **of_offset):
@@ -66,10 +69,24 @@ def test_the_likeliest_sizes_are_those_of_the_normal_equations(true):
 def test_laplaces_evidence_is_exact_where_all_is_linear_and_normal():
     """So much as if the effect were one more smooth error, of the size that was known of it before the logs."""
     for true in ((1.0, -2.0), (0.0, 0.0)):
-        base, found, usual = of(true)
-        together = Covariance(SMOOTH, LIMITS.size * SLOPES)
-        expected = together.log_likelihood(float(np.sum(together.whiten(base) ** 2)))
+        base, found, usual = of(true, both=True)
+        expected = as_smooth_errors(base, slice(None))
         assert found.log_evidence(usual) == pytest.approx(expected, abs=1e-3)
+
+
+def as_smooth_errors(base, which):
+    """The logarithm of the likelihood, were the slopes of some sizes smooth errors."""
+    together = Covariance(SMOOTH, LIMITS.size * SLOPES[:, which])
+    return together.log_likelihood(float(np.sum(together.whiten(base) ** 2)))
+
+
+@pytest.mark.parametrize("true", [(1.0, -2.0), (0.0, 0.0), (0.9, 0.0), (0.0, -0.3)])
+def test_nothing_is_paid_for_a_size_that_an_effect_has_no_need_of(true):
+    """A zero that was moved need not move on: it was moved, or moves, or both, each as likely before the logs."""
+    base, found, usual = of(true)
+    each = [as_smooth_errors(base, which) for which in ([0], [1], [0, 1])]
+    assert found.log_evidence(usual) == pytest.approx(np.logaddexp.reduce(each) - math.log(3.0), abs=1e-3)
+    assert [list(none) for none in found.problem.without] == [[], [0], [1]]
 
 
 def test_what_is_usual_may_be_taken_off_before_what_else_is_off_together():
@@ -86,7 +103,7 @@ def test_what_is_usual_may_be_taken_off_before_what_else_is_off_together():
 @pytest.mark.parametrize("true", [(1.0, -2.0), (0.0, 0.0), (-0.1, 1.0)])
 def test_nothing_is_paid_for_what_cannot_be(true):
     """A size of one sign: before the logs it was normal over that half alone, and so is what they leave likely."""
-    base, found, usual = of(true, least=0.0)
+    base, found, usual = of(true, least=0.0, both=True)
     a = usual.whiten(SLOPES)
     information = a.T @ a + np.eye(2) / LIMITS.size**2
     mean, deviation = -np.linalg.solve(information, a.T @ usual.whiten(base)), np.sqrt(np.linalg.inv(information)[0, 0])
@@ -131,7 +148,7 @@ def test_of_what_is_possible_the_evidence_is_the_integral(signs):
         slopes = rng.standard_normal((N, 2)) @ rng.standard_normal((2, 2)) / 10.0
         true = 2.0 * rng.standard_normal(2)
         line = Line(rng.standard_normal(N) + SMOOTH @ (0.5, -0.4) - slopes @ true, slopes)
-        found = likeliest(line, [candidate(least=signs[0], least_rate=signs[1])], Covariance(SMOOTH))
+        found = likeliest(line, [candidate(least=signs[0], least_rate=signs[1], both=True)], Covariance(SMOOTH))
         for covariance in (Covariance(SMOOTH), Covariance(SMOOTH, share=0.5)):
             assert found.log_evidence(covariance) == pytest.approx(densely(found, covariance), abs=0.02), seed
 
