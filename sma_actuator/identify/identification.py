@@ -29,7 +29,7 @@ from .fitters import FITTERS, METHODS, Asked, Fitter, Progress
 from .fitters.fitting import predict
 from .fitters.normalised import as_one_wire
 from .measured import lowest_current_A, measured
-from .ranges import MARGIN, check_width, distinct_stresses, shortest_seen_m, without_misjudged
+from .ranges import MARGIN, check_width, distinct_stresses, shortest_m, shortest_seen_m, without_misjudged
 from .verdict import Verdict, judge
 from .verdict.errors import LogError, log_errors
 from .verdict.unseen import unseen_of
@@ -290,11 +290,12 @@ def _within_what_is_seen(mapping: dict[str, Any], experiments: Sequence[Experime
     mapping["model"]["displacement_range"] = [seen_m, high_m]
     if seen_m <= low_m + MARGIN * full_stroke_m:
         return []
+    by_itself = seen_m <= shortest_m(experiments) + 2.0 * MARGIN * full_stroke_m
+    why = "it gets no shorter there" if by_itself else "its resistance has a minimum and rises again with temperature"
     return [
         (
             f"heated as far as it goes, the wire shows the model no less than {seen_m * 1e3:.2f} mm at some load: "
-            "its resistance has a minimum and rises again with temperature; the working range ends there, not at "
-            f"{low_m * 1e3:.2f} mm"
+            f"{why}; the working range ends there, not at {low_m * 1e3:.2f} mm"
         )
     ]
 

@@ -93,11 +93,18 @@ def shortest_seen_m(experiments: Sequence[Experiment], config: Config) -> float:
     A controller that is asked for less heats for ever: resistance has its minimum there, and what the model
     makes of the minimum need not be where the wire is.
     """
-    # A model of the whole range may have been fitted on springs alone, or on partial cycles.
-    full = [t for t in experiments if t.kind == FULL] or experiments
-    estimates_m = [Chain(config).run(t.signals).displacement_m[t.driven] for t in full]
-    shortest_m = max(float(np.nanmin(e)) for e in estimates_m)
-    return shortest_m + MARGIN * config.wire.full_stroke_m
+    estimates_m = [Chain(config).run(t.signals).displacement_m[t.driven] for t in _of_the_hot_end(experiments)]
+    return max(float(np.nanmin(e)) for e in estimates_m) + MARGIN * config.wire.full_stroke_m
+
+
+def shortest_m(experiments: Sequence[Experiment]) -> float:
+    """The shortest displacement that the wire was seen to reach at every load."""
+    return max(float(np.nanmin(t.displacement_m[t.driven])) for t in _of_the_hot_end(experiments))
+
+
+def _of_the_hot_end(experiments: Sequence[Experiment]) -> Sequence[Experiment]:
+    """A model of the whole range may have been fitted on springs alone, or on partial cycles."""
+    return [t for t in experiments if t.kind == FULL] or experiments
 
 
 def full_cycles(experiments: Sequence[Experiment]) -> list[Experiment]:

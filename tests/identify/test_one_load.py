@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from characterised import bench_mapping, virtual_rig
 
+from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import Quality
 from sma_actuator.characterise.programs import partial_cycles, square_pulses
+from sma_actuator.config import Config
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import IdentificationError, identify
 from sma_actuator.identify.fitters.whole_range import learner
@@ -141,6 +143,27 @@ def test_between_two_weights_it_goes_along_a_line_and_says_so(wire):
     assert error_percent(found, record(wire, 2, 1.2)[0])[0] < 5.0
     (sentence,) = [s for s in found.verdict.sentences if s.startswith("between 0.6 and 2 N no log has a load")]
     assert "5 % of full stroke midway" in sentence
+
+
+def as_if_it_rose(log):
+    """The log of a wire whose resistance rises as it contracts."""
+    voltage_V, current_A = log["supply_voltage_V"], log["reference_voltage_V"]  # on 1 Ω
+    resistance_Ohm = voltage_V / current_A
+    turned_V = (2.0 * np.median(resistance_Ohm) - resistance_Ohm) * current_A
+    return dataclasses.replace(log, columns={**log.columns, "supply_voltage_V": turned_V})
+
+
+def test_the_resistance_of_a_wire_may_rise_as_it_contracts():
+    logs = [as_if_it_rose(log) for load_N in (0.6, 2.0) for log in record("flexinol", 1, load_N)]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(learner, "UNITS", 8)  # in a quarter of the time
+        found = identify(logs, bench_mapping("flexinol"), "whole_range")
+    (hot_Ohm, *_), (cold_Ohm, *_) = found.config.model.hot_resistance, found.config.model.cold_resistance
+    assert hot_Ohm > cold_Ohm
+    assert error_percent(found, as_if_it_rose(record("flexinol", 2, 0.6)[0]))[0] < 1.0
+    turned = {**found.mapping["model"], "curve": [-value for value in found.mapping["model"]["curve"]]}
+    with pytest.raises(ConfigError, match="counts contraction"):
+        Config.from_mapping({**found.mapping, "model": turned})
 
 
 @pytest.mark.parametrize("wire", ["flexinol", pytest.param("furukawa", marks=pytest.mark.long)])

@@ -141,7 +141,7 @@ def test_a_model_turned_round_is_not_loaded(whole):
 def test_a_resistance_that_no_load_parts_from_is_not_loaded(whole):
     mapping = {**whole.mapping, "model": {**whole.mapping["model"]}}
     mapping["model"]["cold_resistance"] = mapping["model"]["hot_resistance"]
-    with pytest.raises(ConfigError, match=r"model.cold_resistance: not above model.hot_resistance"):
+    with pytest.raises(ConfigError, match=r"model.cold_resistance: not on one side of model.hot_resistance"):
         Config.from_mapping(mapping)
 
 

@@ -296,7 +296,8 @@ class WholeRangeCoefficients:
         ]
 
     def _wrong_sense(self) -> list[str]:
-        """The physical curve goes up from the hot and little resistant wire to the cold and resistant one.
+        """The physical curve goes up from the hot and little resistant wire to the cold and resistant one; or down with
+        resistance, where the hot one is the more resistant.
 
         Of a wire that was on one spring alone it may go by the load, which tells that spring's length.
         """
@@ -306,12 +307,17 @@ class WholeRangeCoefficients:
             for end in (self.hot_resistance, self.cold_resistance, self.hot_end, self.cold_end)
         )
         problems = []
+        rises = bool((hot > cold).all())
+        if rises:
+            by_resistance = -by_resistance
         if not (cold_m > hot_m).all():
             problems.append(f"model.hot_end: not below model.cold_end, {COUNTS_CONTRACTION}")
         elif any(self.hot_end[1:]) and not by_resistance > by_temperature:
             problems.append(f"model.curve: displacement falls from the hot wire to the cold one, {COUNTS_CONTRACTION}")
-        if not (cold > hot).all():
-            problems.append("model.cold_resistance: not above model.hot_resistance over all of model.stress_range")
+        if not (rises or (cold > hot).all()):
+            problems.append(
+                "model.cold_resistance: not on one side of model.hot_resistance over all of model.stress_range"
+            )
         return problems
 
     def _wrong_lengths(self) -> list[str]:

@@ -243,10 +243,11 @@ def _in_stress(stress_Pa: np.ndarray, values: np.ndarray, order: int, most: int)
 
 
 def _alike(ends_Ohm: np.ndarray, stress_Pa: tuple[float, float]) -> bool:
-    """Whether what is between the hot and the cold wire's resistance is of one size under all loads; logs of parts of
-    the stroke do not show it."""
-    lightest_Ohm, heaviest_Ohm = np.polynomial.polynomial.polyval(np.array(stress_Pa), ends_Ohm[1] - ends_Ohm[0])
-    return bool(min(lightest_Ohm, heaviest_Ohm) > LEAST_SPAN * max(lightest_Ohm, heaviest_Ohm))
+    """Whether what is between the hot and the cold wire's resistance is of one size and sign under all loads; logs of
+    parts of the stroke do not show it."""
+    spans_Ohm = np.polynomial.polynomial.polyval(np.array(stress_Pa), ends_Ohm[1] - ends_Ohm[0])
+    spans_Ohm *= np.sign(spans_Ohm[0])
+    return bool(min(spans_Ohm) > LEAST_SPAN * max(spans_Ohm))
 
 
 def _copies(parts: Sequence[_Samples], one_load: bool) -> list[_Samples]:
