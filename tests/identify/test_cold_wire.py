@@ -9,6 +9,7 @@ from pulsed import pulsed_log
 from sma_actuator.config import bench_from_mapping
 from sma_actuator.estimation.models.orientation import STAYS, TURNED, OHM_PER_m, SCATTER_Ohm
 from sma_actuator.identify.fitters.whole_range.cold_wire import PER_STRAIN, MODULUS_Pa, cold_wire
+from sma_actuator.identify.fitters.whole_range.data import Data
 
 HOT_m = 5e-4
 ENDS_m = np.array([[HOT_m, 0.0, 0.0], [1e-3, 4e-11, 0.0]])  #: 4 mm more for 100 MPa
@@ -109,3 +110,17 @@ def test_a_single_cold_rest_does_not_say_what_is_usual(config):
     elapsed_s = np.arange(len(log.displacement_m)) * 0.05
     heated_first = log.rows((elapsed_s >= FIRST_s) & (elapsed_s < FIRST_s + PERIOD_s))
     assert cold_wire([heated_first], config, ENDS_m) is None
+
+
+@pytest.mark.parametrize("since_s", [0.05, 0.4, 0.8])
+def test_a_log_that_begins_as_the_wire_was_switched_off_begins_warm(since_s, config):
+    """Taken for cold and 7 mm shorter, it was off by a third of the stroke all the log through."""
+    loads_N = (0.5, 1.0, 2.0)
+    logs = [pulses(each) for each in loads_N]
+    cut = logs[-1].rows(logs[-1].signals.time_s > FIRST_s + 0.5 * PERIOD_s + since_s)
+    assert cut.displacement_m[0] < cold_m(2.0) - 0.1 * (cold_m(2.0) - HOT_m)
+    warm = [*logs, dataclasses.replace(cut, cycle=cut.cycle - cut.cycle[0])]
+    assert Data(warm, config).displacement.max() == pytest.approx(Data(logs, config).displacement.max(), rel=0.02)
+    np.testing.assert_allclose(
+        cold_wire(warm, config, ENDS_m).resistance, cold_wire(logs, config, ENDS_m).resistance, rtol=0.05, atol=1e-6
+    )

@@ -14,6 +14,7 @@ import numpy as np
 from sma_actuator.base.calibration import RestSection
 from sma_actuator.calibration.rest import cold_rests, learn
 from sma_actuator.estimation.models.orientation import COLD_K, FOLLOWS_AT_ONCE, SHORTEST
+from sma_actuator.logs.cycles import SAME_LOAD
 from sma_actuator.logs.experiments import Experiment
 
 #: A conductor that is drawn out has its length over its section more resistance: so many times its strain at constant
@@ -29,6 +30,8 @@ WHOLLY = 0.97
 MOSTLY = 0.5
 #: Share of the stroke by which another load makes it longer or shorter.
 ANOTHER = 0.05
+#: Share of all its motion by which a wire lengthens, in the beginning of a log, that is still warm.
+LENGTHENS = 0.05
 #: Of martensite, 20 to 40: what a load that changes makes of its length at once is no orientation.
 MODULUS_Pa = 30e9
 
@@ -83,6 +86,17 @@ def cold_wire(experiments: Sequence[Experiment], config, ends_m: np.ndarray) -> 
     )
 
 
+def begins_cold(rise_K: np.ndarray, displacement_m: np.ndarray, stress_Pa: np.ndarray) -> bool:
+    """Whether a log, arrays of shape (n,), begins with a cold wire: by its power [K], and since one that cools
+    lengthens; one that was switched off a moment ago is not cold yet."""
+    unheated = rise_K < COLD_K
+    if not unheated[0]:
+        return False
+    before = len(rise_K) if unheated.all() else int(np.argmin(unheated))
+    own_m = displacement_m[:before][np.abs(stress_Pa[:before] - stress_Pa[0]) <= SAME_LOAD * abs(stress_Pa[0])]
+    return float(own_m.max() - own_m[0]) < LENGTHENS * float(np.ptp(displacement_m))
+
+
 def _usual_Ohm(rest: RestSection, t: Experiment) -> np.ndarray:
     return np.interp(t.stress_Pa, rest.cold_stress, rest.cold_resistance)
 
@@ -100,8 +114,12 @@ def _beginnings(
     length_m, heaviest_Pa = config.wire.strain_length_m, max(rest.cold_stress)
     for before, t in zip((None, *experiments), experiments, strict=False):
         s = t.signals
-        good = np.flatnonzero(np.isfinite(s.resistance_Ohm + s.stress_Pa + s.power_W + t.displacement_m))[:BEGINNING]
-        if not len(good) or np.max(s.power_W[good]) / config.thermal.heat_loss >= COLD_K:
+        good = np.flatnonzero(np.isfinite(s.resistance_Ohm + s.stress_Pa + s.power_W + t.displacement_m))
+        rise_K = s.power_W[good] / config.thermal.heat_loss
+        if not len(good) or not begins_cold(rise_K, t.displacement_m[good], s.stress_Pa[good]):
+            continue
+        good = good[:BEGINNING]
+        if np.max(rise_K[:BEGINNING]) >= COLD_K:
             continue
         stress_Pa, was_Pa = float(np.mean(s.stress_Pa[good])), heaviest_Pa if before is None else before.mean_stress_Pa
         here_m, there_m = np.interp((stress_Pa, was_Pa), rest.cold_stress, rest.cold_displacement)

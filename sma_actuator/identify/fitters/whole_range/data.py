@@ -18,12 +18,12 @@ from sma_actuator.estimation.models.heat_content import (
     resistances_of,
     thermal_numbers,
 )
-from sma_actuator.estimation.models.orientation import COLD_K, OHM_PER_m, longer_all_m, nothing_known
+from sma_actuator.estimation.models.orientation import OHM_PER_m, longer_all_m, nothing_known
 from sma_actuator.identify.ranges import ONE_LOAD, distinct_stresses
 from sma_actuator.logs.experiments import Experiment, IdentificationError, begins_anew
 from sma_actuator.logs.kinds import load_numbers
 
-from .cold_wire import cold_wire
+from .cold_wire import begins_cold, cold_wire
 from .earlier_load import of_earlier_load
 from .learner import ROBUST, AlongStress
 
@@ -95,7 +95,7 @@ class Data:
         self.first[np.cumsum([0, *lengths[:-1]])] = begins_anew(experiments) * copies
         self.cold_wire = cold_wire(experiments, config, self.ends * self.percent_m)
         if self.cold_wire is not None:
-            self._without_what_it_is_longer()
+            self._without_what_it_is_longer(parts)
         #: Between which stresses the model is, and its resistances are.
         self.stress_Pa = float(self.stress.min()), float(self.stress.max())
         if not _alike(self.ends_Ohm, self.stress_Pa):
@@ -129,15 +129,16 @@ class Data:
         straight = len(np.unique(self.load[self.rows[learned]])) == 2
         return self.along_stress._replace(straight=straight)
 
-    def _without_what_it_is_longer(self) -> None:
+    def _without_what_it_is_longer(self, parts: Sequence[_Samples]) -> None:
         """Leave displacement and resistance as if all martensite had formed under the load of its sample."""
         assert self.cold_wire is not None
         longer_m = np.empty(len(self.time))
+        cold = [begins_cold(p.power_W / self.thermal.heat_loss, p.displacement_m, p.stress_Pa) for p in parts]
         longer_all_m(
             self.displacement * self.percent_m,
             self.stress,
             self.first,
-            self.power / self.thermal.heat_loss < COLD_K,
+            np.repeat(cold, [len(p.time_s) for p in parts]),
             self.ends * self.percent_m,
             self.cold_wire.known,
             nothing_known(),
