@@ -153,3 +153,10 @@ def test_loads_far_from_each_other_with_none_between_are_named(loads_N, gap):
     )
     said = [s for s in found.sentences if "no log has a load" in s]
     assert [s.split(" no log")[0] for s in said] == ([gap] if gap else [])
+
+
+def test_of_partial_cycles_among_full_ones_it_is_not_said_that_there_are_none():
+    unseen = samples()
+    mixed = dataclasses.replace(unseen, partial=np.zeros_like(unseen.partial))
+    (said,) = [s for s in verdict(mixed).sentences if s.startswith("partial cycles")]
+    assert "not judged by themselves: no log is of them alone" in said

@@ -232,8 +232,8 @@ def _about_partial_cycles(regions: Mapping[str, float], other: str) -> list[str]
     if "partial cycles" not in regions:
         return [
             (
-                "partial cycles are not judged: the logs hold none inside the working range; a controller drives "
-                "little else, so record some (characterise does) and give them to identify"
+                "partial cycles are not judged by themselves: no log is of them alone inside the working range; a "
+                "controller drives little else, so record some (characterise does) and give them to identify"
             )
         ]
     error = regions["partial cycles"]
