@@ -179,8 +179,15 @@ def _sense_resistor(config: BenchConfig) -> list[str]:
 
 
 def require_calibrated(config: BenchConfig) -> None:
-    """Raise ConfigError where a raw channel of the bench has no calibration: nothing may be driven by a guess of it."""
+    """Raise ConfigError where a raw channel of the bench has no calibration, since nothing may be driven by a guess of
+    it, and where the guards cannot tell by the wire's resistance that it has contracted."""
     problems = _sense_resistor(config)
+    if getattr(getattr(config, "model", None), "resistance_rises", False):
+        problems.append(
+            "model.hot_resistance: above model.cold_resistance, so this wire's resistance rises as it contracts; the "
+            "guards against too much heat take a contracted wire for one that shows less, so it is not driven: such a "
+            "model serves replay, trace and identify"
+        )
     if not config.load_cell.calibrated:
         problems.append(
             "load_cell.slope, load_cell.offset: missing; the load cell's calibration in N/V and N is wanted "

@@ -10,7 +10,7 @@ from characterised import bench_mapping, virtual_rig
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import Quality
 from sma_actuator.characterise.programs import partial_cycles, square_pulses
-from sma_actuator.config import Config
+from sma_actuator.config import Config, require_calibrated
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import IdentificationError, identify
 from sma_actuator.identify.fitters.whole_range import learner
@@ -161,6 +161,8 @@ def test_the_resistance_of_a_wire_may_rise_as_it_contracts():
     (hot_Ohm, *_), (cold_Ohm, *_) = found.config.model.hot_resistance, found.config.model.cold_resistance
     assert hot_Ohm > cold_Ohm
     assert error_percent(found, as_if_it_rose(record("flexinol", 2, 0.6)[0]))[0] < 1.0
+    with pytest.raises(ConfigError, match="resistance rises as it contracts; the guards .* it is not driven"):
+        require_calibrated(found.config)
     turned = {**found.mapping["model"], "curve": [-value for value in found.mapping["model"]["curve"]]}
     with pytest.raises(ConfigError, match="counts contraction"):
         Config.from_mapping({**found.mapping, "model": turned})

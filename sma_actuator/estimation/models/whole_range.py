@@ -295,6 +295,16 @@ class WholeRangeCoefficients:
             *(self._wrong_lengths() or self._wrong_sense()),
         ]
 
+    @property
+    def resistance_rises(self) -> bool:
+        """Whether the wire's resistance rises as it contracts."""
+        hot_Ohm, cold_Ohm = (self._over_stress(end) for end in (self.hot_resistance, self.cold_resistance))
+        return bool((hot_Ohm > cold_Ohm).all())
+
+    def _over_stress(self, polynomial: tuple[float, ...]) -> np.ndarray:
+        """Its values at the lowest and the highest stress."""
+        return np.polynomial.polynomial.polyval(np.array(self.stress_range), polynomial)
+
     def _wrong_sense(self) -> list[str]:
         """The physical curve goes up from the hot and little resistant wire to the cold and resistant one; or down with
         resistance, where the hot one is the more resistant.
@@ -303,18 +313,16 @@ class WholeRangeCoefficients:
         """
         by_resistance, by_temperature = self.curve[1], self.curve[DIRECT]
         hot, cold, hot_m, cold_m = (
-            np.polynomial.polynomial.polyval(np.array(self.stress_range), end)
-            for end in (self.hot_resistance, self.cold_resistance, self.hot_end, self.cold_end)
+            self._over_stress(end) for end in (self.hot_resistance, self.cold_resistance, self.hot_end, self.cold_end)
         )
         problems = []
-        rises = bool((hot > cold).all())
-        if rises:
+        if self.resistance_rises:
             by_resistance = -by_resistance
         if not (cold_m > hot_m).all():
             problems.append(f"model.hot_end: not below model.cold_end, {COUNTS_CONTRACTION}")
         elif any(self.hot_end[1:]) and not by_resistance > by_temperature:
             problems.append(f"model.curve: displacement falls from the hot wire to the cold one, {COUNTS_CONTRACTION}")
-        if not (rises or (cold > hot).all()):
+        if not (self.resistance_rises or (cold > hot).all()):
             problems.append(
                 "model.cold_resistance: not on one side of model.hot_resistance over all of model.stress_range"
             )
