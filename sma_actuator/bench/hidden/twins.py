@@ -206,11 +206,8 @@ class Fatigue(Hidden):
             now_m = self.strength * (sqrt(self.cycles) - 1.0)
             strain = (now_m - self.worn_m) / c.length_m
             self.worn_m = now_m
-            more = 1.0 + self.scatter * strain
-            self.bench.constants = c._replace(rho_m=c.rho_m * more, rho_a=c.rho_a * more, rho_r=c.rho_r * more)
-        # As on the measured wire: what is left in place while it is martensite is less (see IN_TRAINING).
-        parts = physics.strain_parts(c, martensite, state[physics.R_SHARE], c.reference_C)
-        return self.worn_m * (1.0 - (1.0 - IN_TRAINING.cold_share) * parts.transformation / c.strain_m)
+            self.bench.constants = _more_resistive(c, self.scatter * strain)
+        return self.worn_m * _left_in_place(c, state, IN_TRAINING.cold_share)
 
 
 @TWINS.register("prior_wear")
@@ -224,13 +221,23 @@ class PriorWear(Hidden):
         self.scatter, self.cold_share = rng.uniform(1.5, 3.0), rng.uniform(0.25, 0.6)
 
     def wire(self, c):
-        more = 1.0 + self.scatter * self.strength / c.length_m
-        return c._replace(rho_m=c.rho_m * more, rho_a=c.rho_a * more, rho_r=c.rho_r * more)
+        return _more_resistive(c, self.scatter * self.strength / c.length_m)
 
     def stretch_m(self, state, time_s, step_s):
-        c = self.bench.constants
-        parts = physics.strain_parts(c, state[physics.MARTENSITE], state[physics.R_SHARE], c.reference_C)
-        return self.strength * (1.0 - (1.0 - self.cold_share) * parts.transformation / c.strain_m)
+        return self.strength * _left_in_place(self.bench.constants, state, self.cold_share)
+
+
+def _more_resistive(c, share):
+    """The wire with so much more resistivity in every phase."""
+    more = 1.0 + share
+    return c._replace(rho_m=c.rho_m * more, rho_a=c.rho_a * more, rho_r=c.rho_r * more)
+
+
+def _left_in_place(c, state, cold_share):
+    """The share of what wear has left at the hot end: as on the measured wire, while it is martensite that is less (see
+    IN_TRAINING)."""
+    parts = physics.strain_parts(c, state[physics.MARTENSITE], state[physics.R_SHARE], c.reference_C)
+    return 1.0 - (1.0 - cold_share) * parts.transformation / c.strain_m
 
 
 @TWINS.register("creep")

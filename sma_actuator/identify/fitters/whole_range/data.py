@@ -19,7 +19,7 @@ from sma_actuator.estimation.models.heat_content import (
     thermal_numbers,
 )
 from sma_actuator.estimation.models.orientation import OHM_PER_m, longer_all_m, nothing_known
-from sma_actuator.identify.ranges import ONE_LOAD, distinct_stresses
+from sma_actuator.identify.ranges import ONE_LOAD
 from sma_actuator.logs.experiments import Experiment, IdentificationError, begins_anew
 from sma_actuator.logs.kinds import load_numbers
 
@@ -80,7 +80,8 @@ class Data:
             _thinned(t, others, config.thermal.ambient_temperature, step_s)
             for t, others in zip(experiments, earlier, strict=True)
         ]
-        loads = distinct_stresses(experiments)
+        load = load_numbers(experiments)
+        loads = int(load.max()) + 1
         parts = [*own, *_copies(own, loads == 1)]
         copies = len(parts) // len(own)
         every = _Samples(*(np.concatenate(column) for column in zip(*parts, strict=True)))
@@ -107,11 +108,10 @@ class Data:
         hot, cold = powers @ self.ends[0], powers @ self.ends[1]
         self.share = np.clip((self.displacement - hot) / (cold - hot), 0.0, 1.0)
         of_log = np.repeat(np.tile(np.arange(len(experiments)), copies), lengths)
-        folds = _log_folds(experiments, own)
+        folds = _log_folds(experiments, own, load)
         self.cuts_logs = any(len(np.unique(each)) > 1 for each in folds)  #: whole ones are not left out
         self.log_fold = np.concatenate(folds * copies)
-        self.load = load_numbers(experiments)[of_log]
-        self.load_fold = _load_folds(experiments)[of_log]
+        self.load, self.load_fold = load[of_log], _load_folds(load)[of_log]
         self.cycle = self.cycle + of_log
         stride = max(1, -(-len(self.time) // MOST_ROWS))
         rows = np.arange(0, len(self.time), stride)
@@ -278,10 +278,9 @@ def _thirds(cycle: np.ndarray) -> np.ndarray:
     return np.minimum(np.maximum(cycle - 1, 0) * FOLDS // max(int(cycle[-1]), 1), FOLDS - 1)
 
 
-def _log_folds(experiments: Sequence[Experiment], own: Sequence[_Samples]) -> list[np.ndarray]:
+def _log_folds(experiments: Sequence[Experiment], own: Sequence[_Samples], load: np.ndarray) -> list[np.ndarray]:
     """A fold for every sample of each log, so that none leaves a load out: logs of neighbouring loads, and of one load,
     are in different ones; a log that is its load's only one is cut in three, as are all of a few long ones."""
-    load = load_numbers(experiments)
     number = np.empty(len(load), dtype=int)
     number[np.argsort([t.mean_stress_Pa for t in experiments], kind="stable")] = np.arange(len(load)) % FOLDS
     alone = (np.bincount(load)[load] == 1) | (len(load) < FOLDS)
@@ -291,7 +290,6 @@ def _log_folds(experiments: Sequence[Experiment], own: Sequence[_Samples]) -> li
     ]
 
 
-def _load_folds(experiments: Sequence[Experiment]) -> np.ndarray:
+def _load_folds(load: np.ndarray) -> np.ndarray:
     """A fold for every log: all logs of a load in one, but those of the lightest and of the heaviest load in none."""
-    load = load_numbers(experiments)
     return np.where((load == 0) | (load == load.max()), NEVER, (load - 1) % FOLDS)
