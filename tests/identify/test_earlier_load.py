@@ -93,6 +93,27 @@ def test_where_only_one_load_has_full_cycles_the_others_cold_ends_are_of_their_p
     np.testing.assert_allclose(stress_Pa @ fewer.ends.T, stress_Pa @ usual.ends.T, atol=5.0)
 
 
+def test_a_wire_that_begins_where_it_rests_is_learned_as_it_was_measured_whatever_curve_the_ends_are(flexinol):
+    """A load under which the cold wire is further from any quadratic in stress than another load leaves one."""
+    config = bench_from_mapping(flexinol.mapping)
+    experiments = make_experiments(flexinol.logs, config, remembered=True)
+    loads_Pa = sorted({round(t.mean_stress_Pa, -5) for t in experiments})
+    off = [shorter(t) if round(t.mean_stress_Pa, -5) == loads_Pa[1] else t for t in experiments]
+    usual, data = Data(experiments, config), Data(off, config)
+    begins = np.cumsum([0, *data.lengths[:-1]])
+    moved = [
+        (t.displacement_m[0] - u.displacement_m[0]) / data.percent_m for t, u in zip(off, experiments, strict=True)
+    ]
+    assert min(moved) < -5.0
+    np.testing.assert_allclose((data.displacement - usual.displacement)[begins], moved, atol=0.1)
+
+
+def shorter(t):
+    """The same log, all displacements less by a tenth."""
+    displacement_m = 0.9 * t.displacement_m
+    return dataclasses.replace(t, signals=dataclasses.replace(t.signals, reference_displacement_m=displacement_m))
+
+
 def longer(t, config):
     """The same log, the wire a fifth of its stroke longer until it is heated."""
     displacement_m = t.displacement_m.copy()

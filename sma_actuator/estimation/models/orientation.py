@@ -61,9 +61,10 @@ CONTACTS = 0.002
 #: The resistance of martensite rises with its temperature, as a share, and how surely it does: 3e-4 to 1.1e-3.
 WARMER_1_K, WARMER_WITHIN_1_K = 7e-4, 4e-4
 #: What is known of the wire: Ω per m; how far off, rms, the resistance of a cold wire is, and a single reading of it
-#: [Ω]; what stays of being longer under a load that has become less; and to what share of the stroke under a load its
-#: cold martensite is turned at the least.
-OHM_PER_m, SCATTER_Ohm, READING_Ohm, STAYS, TURNED = range(5)
+#: [Ω]; what stays of being longer under a load that has become less; to what share of the stroke under a load its cold
+#: martensite is turned at the least; and how much warmer than its surroundings it was as its resistance was measured,
+#: which the bias current keeps it [K], NaN where nobody knows.
+OHM_PER_m, SCATTER_Ohm, READING_Ohm, STAYS, TURNED, RESTED_K = range(6)
 OF_COLD_WIRE = 3  #: numbers of the strain gauge, before those of other loads
 #: Of a wire that is as long as its present load makes it.
 FOLLOWS_AT_ONCE = (0.0, 1.0)
@@ -194,6 +195,7 @@ def tell(
     resistance_Ohm: float,
     stress_Pa: float,
     warmer_K: float,
+    rise_K: float,
     usual: Floats,
     ends: np.ndarray,
     known: np.ndarray,
@@ -202,12 +204,15 @@ def tell(
     """One reading of a cold wire, all martensite, whose length nobody knows.
 
     ``usual``: the resistance of a cold wire by its stress (:func:`~sma_actuator.base.lookup.row_of`); ``warmer_K``: how
-    much warmer its surroundings are than when that was measured, NaN where nobody knows.
+    much warmer its surroundings are than when that was measured, NaN where nobody knows; ``rise_K``: how much warmer
+    the wire is than these.  One that has just been switched on is colder than the bias current keeps it.
     """
-    usual_Ohm = looked_up(usual, 0, stress_Pa)
-    warmth = WARMER_WITHIN_1_K * warmer_K
+    usual_Ohm, room = looked_up(usual, 0, stress_Pa), 0.0
     if isnan(warmer_K):
-        warmer_K, warmth = 0.0, WARMER_1_K * UNMEASURED_K
+        warmer_K, room = 0.0, WARMER_1_K * UNMEASURED_K
+    if not isnan(known[RESTED_K]):
+        warmer_K += rise_K - known[RESTED_K]
+    warmth = hypot(WARMER_WITHIN_1_K * warmer_K, room)
     warmth_m = warmth * usual_Ohm / known[OHM_PER_m]
     usual_Ohm *= 1.0 + WARMER_1_K * warmer_K
     state[_READINGS] += 1.0
@@ -229,7 +234,7 @@ def longer_all_m(
     displacement_m: np.ndarray,
     stress_Pa: np.ndarray,
     first: np.ndarray,
-    cold: np.ndarray,
+    cold_at_m: np.ndarray,
     ends: np.ndarray,
     known: np.ndarray,
     state: Floats,
@@ -237,15 +242,17 @@ def longer_all_m(
 ) -> None:
     """:func:`longer_m` of n samples whose displacement is measured, ``out`` (n,).
 
-    A log begins where ``first``, bool (n,); all of a wire that is ``cold`` there, bool (n,), is martensite.
+    A log begins where ``first``, bool (n,); a wire that is cold there, and all martensite, is usually at ``cold_at_m``,
+    (n,), NaN where it is not cold.  What is usual was measured: ``ends``, a quadratic, is off by as much as a load
+    leaves.
     """
     for i in range(len(displacement_m)):
         hot_m, cold_m = ends_m(stress_Pa[i], ends)
         here_m = cold_m - hot_m
         if first[i]:
-            length_m = displacement_m[i] - hot_m
-            share = 1.0 if cold[i] else min(max(length_m / here_m, 0.0), 1.0)
-            began_m, sure = (length_m - share * here_m, 1.0) if cold[i] else (0.0, 0.0)
+            cold = not isnan(cold_at_m[i])
+            share = 1.0 if cold else min(max((displacement_m[i] - hot_m) / here_m, 0.0), 1.0)
+            began_m, sure = (displacement_m[i] - cold_at_m[i], 1.0) if cold else (0.0, 0.0)
             begin(share, began_m, sure, stress_Pa[i], ends, state)
         share = (displacement_m[i] - hot_m - longer_m(stress_Pa[i], ends, known, state)) / here_m
         follow(min(max(share, 0.0), 1.0), stress_Pa[i], ends, known, state)

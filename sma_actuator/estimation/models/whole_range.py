@@ -53,7 +53,11 @@ class WholeRangeModel:
             layer=_layer(c.bias, c.output),
             widths=np.array([*c.intervals, *(c.expected_within or c.intervals)]).reshape(4, -1),
             martensite=np.array(
-                [*(c.cold_wire or (0.0,) * orientation.OF_COLD_WIRE), *(c.other_loads or orientation.FOLLOWS_AT_ONCE)]
+                [
+                    *(c.cold_wire or (0.0,) * orientation.OF_COLD_WIRE),
+                    *(c.other_loads or orientation.FOLLOWS_AT_ONCE),
+                    c.cold_wire_rise,
+                ]
             ),
             ambient=c.ambient_temperature,
             expected_linear=np.array(c.expected_linear).reshape(-1, len(c.linear) // c.learners),
@@ -210,6 +214,9 @@ class WholeRangeCoefficients:
     )
     cold_wire_resistance: tuple[float, ...] = parameter(
         (), "resistance of the wire that has cooled under these", "Ω", 0.0, 1e6, optional=True
+    )
+    cold_wire_rise: float = parameter(
+        nan, "how much warmer than its surroundings it was then", "K", 0.0, 100.0, optional=True
     )
     ambient_temperature: float = parameter(
         description="temperature of the surroundings where none is measured", unit="°C", lo=-60.0, hi=100.0

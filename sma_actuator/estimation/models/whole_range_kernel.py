@@ -199,7 +199,7 @@ def _of_other_loads(
 ) -> float:
     """What of the resistance is of martensite that formed under another load [Ω], which a cold wire at rest tells."""
     if rests_cold and (first or orientation.told(oriented)) and orientation.no_warmer(rise_K, oriented):
-        orientation.tell(resistance, stress, other_K, usual, n.ends, n.martensite, oriented)
+        orientation.tell(resistance, stress, other_K, rise_K, usual, n.ends, n.martensite, oriented)
     if first and not orientation.told(oriented):
         return 0.0
     return n.martensite[orientation.OHM_PER_m] * orientation.longer_m(stress, n.ends, n.martensite, oriented)

@@ -35,8 +35,8 @@ USUAL = row_of(((0.0, 100e6), (5.0, 5.2)))
 PER_m, SCATTER_Ohm, READING_Ohm = 100.0, 1e-3, 4e-3
 
 
-def wire(stays=1.0, turned=1.0):
-    return np.array([PER_m, SCATTER_Ohm, READING_Ohm, stays, turned])
+def wire(stays=1.0, turned=1.0, rested_K=nan):
+    return np.array([PER_m, SCATTER_Ohm, READING_Ohm, stays, turned, rested_K])
 
 
 def driven(known, *course, first=(1.0, LIGHT_Pa)):
@@ -141,7 +141,7 @@ class TestTheColdWireAsAStrainGauge:
     def test_its_resistance_says_how_much_longer_it_is(self, off_m):
         state, known = nothing_known(), wire(stays=0.0)
         for _ in range(20):
-            tell(5.1 + PER_m * off_m, LIGHT_Pa, 0.0, USUAL, ENDS, known, state)
+            tell(5.1 + PER_m * off_m, LIGHT_Pa, 0.0, 0.0, USUAL, ENDS, known, state)
         assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(off_m, rel=0.06)
         by_chance_m, either_way_m = unsure_m(LIGHT_Pa, ENDS, known, state)
         assert by_chance_m > hypot(WITHIN * off_m, 1.8 * CONTACTS * 5.1 / PER_m) and either_way_m == 0.0
@@ -150,14 +150,14 @@ class TestTheColdWireAsAStrainGauge:
     @pytest.mark.parametrize("share", [-1.0, 0.5, 1.0])
     def test_other_contacts_are_no_other_length(self, share):
         state, known = nothing_known(), wire()
-        tell(5.1 * (1.0 + share * CONTACTS), LIGHT_Pa, 0.0, USUAL, ENDS, known, state)
+        tell(5.1 * (1.0 + share * CONTACTS), LIGHT_Pa, 0.0, 0.0, USUAL, ENDS, known, state)
         assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(0.0, abs=1e-9)
 
     @pytest.mark.parametrize("warmer_K", [-15.0, 10.0])
     @pytest.mark.parametrize("per_K", [3e-4, 7e-4, 1.1e-3])
     def test_a_room_that_is_warmer_is_no_other_length(self, warmer_K, per_K):
         state, known = nothing_known(), wire(stays=0.0)
-        tell(5.1 * (1.0 + per_K * warmer_K), LIGHT_Pa, warmer_K, USUAL, ENDS, known, state)
+        tell(5.1 * (1.0 + per_K * warmer_K), LIGHT_Pa, warmer_K, 0.0, USUAL, ENDS, known, state)
         half_m, _ = unsure_m(LIGHT_Pa, ENDS, known, state)
         assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(0.0, abs=1e-9)
         assert half_m == 0.0  # it was seen to follow its load at once
@@ -165,7 +165,7 @@ class TestTheColdWireAsAStrainGauge:
     @pytest.mark.parametrize("off", [-1.0, 1.0])
     def test_a_room_that_nobody_measures_is_no_other_length(self, off):
         state, known = nothing_known(), wire(stays=0.0)
-        tell(5.1 * (1.0 + off * WARMER_1_K * UNMEASURED_K), LIGHT_Pa, nan, USUAL, ENDS, known, state)
+        tell(5.1 * (1.0 + off * WARMER_1_K * UNMEASURED_K), LIGHT_Pa, nan, 0.0, USUAL, ENDS, known, state)
         assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(0.0, abs=1e-9)
 
     @pytest.mark.parametrize("warmer_K", [-10.0, 10.0])
@@ -174,19 +174,27 @@ class TestTheColdWireAsAStrainGauge:
         for room_K in (0.0, warmer_K):
             state, known = nothing_known(), wire(stays=0.0)
             for _ in range(20):
-                tell(5.1 * (1.0 + WARMER_1_K * room_K) + PER_m * 1e-3, LIGHT_Pa, room_K, USUAL, ENDS, known, state)
+                tell(5.1 * (1.0 + WARMER_1_K * room_K) + PER_m * 1e-3, LIGHT_Pa, room_K, 0.0, USUAL, ENDS, known, state)
             longer.append((longer_m(LIGHT_Pa, ENDS, known, state), unsure_m(LIGHT_Pa, ENDS, known, state)[0]))
         (usual_m, sure_m), (elsewhere_m, unsure) = longer
         assert 0.8 * usual_m < elsewhere_m < usual_m and unsure > 1.5 * sure_m
 
+    @pytest.mark.parametrize("rise_K", [0.0, 3.0, 5.0])
+    @pytest.mark.parametrize("per_K", [3e-4, 7e-4, 1.1e-3])
+    def test_one_that_has_just_been_switched_on_is_colder_and_no_shorter(self, rise_K, per_K):
+        """Its usual resistance is that at the bias current, which keeps it some kelvins above the room."""
+        state, known = nothing_known(), wire(stays=0.0, rested_K=3.0)
+        tell(5.1 * (1.0 + per_K * (rise_K - 3.0)), LIGHT_Pa, 0.0, rise_K, USUAL, ENDS, known, state)
+        assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(0.0, abs=1e-9)
+
     def test_readings_are_averaged_and_what_is_no_more_than_their_scatter_is_nothing(self):
         rng = np.random.default_rng(1)
         state, known = nothing_known(), wire(stays=0.0)
-        tell(5.1 + 3.5 * READING_Ohm, LIGHT_Pa, 0.0, USUAL, ENDS, known, state)
+        tell(5.1 + 3.5 * READING_Ohm, LIGHT_Pa, 0.0, 0.0, USUAL, ENDS, known, state)
         once_m, (unsure_once_m, _) = longer_m(LIGHT_Pa, ENDS, known, state), unsure_m(LIGHT_Pa, ENDS, known, state)
         assert once_m > 1e-5
         for _ in range(400):
-            tell(5.1 + rng.normal(0.0, READING_Ohm), LIGHT_Pa, 0.0, USUAL, ENDS, known, state)
+            tell(5.1 + rng.normal(0.0, READING_Ohm), LIGHT_Pa, 0.0, 0.0, USUAL, ENDS, known, state)
         assert abs(longer_m(LIGHT_Pa, ENDS, known, state)) < SCATTER_Ohm / PER_m
         assert unsure_m(LIGHT_Pa, ENDS, known, state)[0] < 0.5 * unsure_once_m
 
@@ -197,7 +205,7 @@ class TestTheColdWireAsAStrainGauge:
             (wire(0.0, 0.8), 0.2 * USUALLY * LIGHT_m),
         ):
             state = nothing_known()
-            tell(5.1, LIGHT_Pa, 0.0, USUAL, ENDS, known, state)
+            tell(5.1, LIGHT_Pa, 0.0, 0.0, USUAL, ENDS, known, state)
             square = (SCATTER_Ohm**2 + READING_Ohm**2 + (CONTACTS * 5.1) ** 2) / PER_m**2
             assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx(0.0, abs=1e-9)
             half_m = 2.0 * least_m / sqrt(1.0 + least_m**2 / square)
@@ -205,12 +213,12 @@ class TestTheColdWireAsAStrainGauge:
 
     def test_a_wire_that_seems_shorter_than_any_is_warm(self):
         state, known = nothing_known(), wire()
-        tell(4.0, LIGHT_Pa, 0.0, USUAL, ENDS, known, state)
+        tell(4.0, LIGHT_Pa, 0.0, 0.0, USUAL, ENDS, known, state)
         assert longer_m(LIGHT_Pa, ENDS, known, state) == pytest.approx((SHORTEST - 1.0) * LIGHT_m)
 
     def test_it_forgets_as_it_contracts(self):
         state, known = nothing_known(), wire(stays=0.0)
-        tell(5.2, LIGHT_Pa, 0.0, USUAL, ENDS, known, state)
+        tell(5.2, LIGHT_Pa, 0.0, 0.0, USUAL, ENDS, known, state)
         began_m, (unsure_m_, _) = longer_m(LIGHT_Pa, ENDS, known, state), unsure_m(LIGHT_Pa, ENDS, known, state)
         follow(0.5 - PLAY, LIGHT_Pa, ENDS, known, state)
         assert not told(state)
@@ -238,7 +246,7 @@ def test_of_a_measured_displacement_it_takes_off_what_other_loads_left():
         displacement_m,
         np.full(len(share), LIGHT_Pa),
         np.arange(len(share)) == 0,
-        np.ones(len(share), dtype=bool),
+        np.full(len(share), ENDS[0, 0] + LIGHT_m),
         ENDS,
         known,
         nothing_known(),
@@ -246,3 +254,22 @@ def test_of_a_measured_displacement_it_takes_off_what_other_loads_left():
     )
     np.testing.assert_allclose(out, (HEAVY_m - LIGHT_m) * old, atol=2.0 * PLAY * HEAVY_m)
     np.testing.assert_allclose(out[-100:], 0.0, atol=2.0 * PLAY * HEAVY_m)
+
+
+@pytest.mark.parametrize("off_m", [-3e-4, 2e-4])
+def test_a_wire_that_begins_where_it_usually_rests_is_as_long_as_its_load_makes_it(off_m):
+    """However far a quadratic in stress is off there."""
+    share = np.concatenate([np.ones(10), np.linspace(1.0, 0.0, 50), np.linspace(0.0, 1.0, 50)])
+    displacement_m = ENDS[0, 0] + (LIGHT_m + off_m) * share
+    out = np.empty(len(share))
+    longer_all_m(
+        displacement_m,
+        np.full(len(share), LIGHT_Pa),
+        np.arange(len(share)) == 0,
+        np.full(len(share), displacement_m[0]),
+        ENDS,
+        wire(),
+        nothing_known(),
+        out,
+    )
+    np.testing.assert_allclose(out, 0.0, atol=1e-9)

@@ -191,6 +191,7 @@ def _of_cold_wire(cold: ColdWire) -> dict[str, Any]:
         "other_loads": _six(np.array(cold.other_loads)),
         "cold_wire_stress": _six(np.array(cold.stress_Pa)),
         "cold_wire_resistance": _six(np.array(cold.resistance_Ohm)),
+        "cold_wire_rise": float(f"{cold.rise_K:.3g}"),
     }
 
 

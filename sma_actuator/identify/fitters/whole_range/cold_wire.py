@@ -44,11 +44,13 @@ class ColdWire:
     other_loads: tuple[float, float] | tuple[()]  #: none where no log shows what another load leaves
     stress_Pa: tuple[float, ...]
     resistance_Ohm: tuple[float, ...]
+    displacement_m: tuple[float, ...]  #: where it rests cold under those
+    rise_K: float  #: how much warmer than its surroundings the bias current keeps it there
 
     @property
     def known(self) -> np.ndarray:
         """All of it for the kernels."""
-        return np.array([*self.resistance, *(self.other_loads or FOLLOWS_AT_ONCE)])
+        return np.array([*self.resistance, *(self.other_loads or FOLLOWS_AT_ONCE), self.rise_K])
 
 
 def cold_wire(experiments: Sequence[Experiment], config, ends_m: np.ndarray) -> ColdWire | None:
@@ -64,6 +66,8 @@ def cold_wire(experiments: Sequence[Experiment], config, ends_m: np.ndarray) -> 
     rest = learn(experiments, time_constant_s)
     if not rest.cold_stress:
         return None
+    rise_K = float(np.mean([np.mean(t.signals.power_W[each.start : each.stop]) for t, each in cooled]))
+    rise_K /= config.thermal.heat_loss
     off_Ohm = [(t.resistance_Ohm - _usual_Ohm(rest, t))[each.start : each.stop] for t, each in cooled]
     settled, readings = [float(np.mean(each)) for each in off_Ohm], [float(np.std(each)) for each in off_Ohm]
     scatter_Ohm, reading_Ohm = float(np.sqrt(np.mean(np.square(settled)))), float(np.mean(readings))
@@ -83,6 +87,8 @@ def cold_wire(experiments: Sequence[Experiment], config, ends_m: np.ndarray) -> 
         (min(stays, 1.0), turned if turned < WHOLLY else 1.0) if stays >= MOSTLY else (),
         rest.cold_stress,
         rest.cold_resistance,
+        rest.cold_displacement,
+        rise_K,
     )
 
 

@@ -134,11 +134,13 @@ class Data:
         assert self.cold_wire is not None
         longer_m = np.empty(len(self.time))
         cold = [begins_cold(p.power_W / self.thermal.heat_loss, p.displacement_m, p.stress_Pa) for p in parts]
+        of_cold = np.repeat(cold, [len(p.time_s) for p in parts])
+        usual_m = np.interp(self.stress, self.cold_wire.stress_Pa, self.cold_wire.displacement_m)
         longer_all_m(
             self.displacement * self.percent_m,
             self.stress,
             self.first,
-            np.repeat(cold, [len(p.time_s) for p in parts]),
+            np.where(of_cold, usual_m, np.nan),
             self.ends * self.percent_m,
             self.cold_wire.known,
             nothing_known(),
