@@ -104,6 +104,8 @@ _WAITING = (
     "tests/check",
     "tests/driver",
     "tests/bench",
+    "tests/instruments",
+    "tests/boards",
 )
 _RECKONING = (
     "tests/identify",
@@ -120,14 +122,28 @@ _RECKONING = (
 #: What takes longest as one scope, of both kinds: begun last it would leave the other workers with nothing to do.
 _LONGEST = (
     "tests/diagnosis/trace/test_trace.py",
-    "tests/ros/test_node.py",
-    "tests/identify/test_whole_range.py",
+    "tests/instruments/test_families.py",
+    "tests/identify/test_one_load.py",
+    "tests/driver/test_half_answers.py",
+    "tests/ros/test_remote_commands.py",
+    "tests/driver/test_slow_instruments.py",
     "tests/identify/test_identify.py",
+    "tests/ros/test_odd_messages.py::TestWhileDriving",
+    "tests/diagnosis/trace/test_trace_command.py",
+    "tests/view/test_view.py",
+    "tests/identify/test_characterise_prompts.py",
+    "tests/identify/test_whole_range.py",
+    "tests/counterparts/test_counterparts.py",
+    "tests/ros/test_late_starts.py",
+    "tests/fleet/test_fleet.py",
+    "tests/ros/test_node.py::TestEnd",
+    "tests/attack/test_attack.py",
     "tests/base/test_jit.py",
+    "tests/ros/test_node.py::TestHolding",
+    "tests/driver/test_stands_still.py",
     "tests/safety/test_hot_end.py",
     "tests/test_examples.py",
     "tests/test_state_machine.py",
-    "tests/identify/test_characterise_prompts.py",
 )
 
 #: What many tests call first: the bench, and each model's estimate of many samples and of one.
