@@ -1,6 +1,8 @@
 """Most people hang one weight on a wire: one load, or one log, gives a model, and says what it is not good for."""
 
+import contextlib
 import dataclasses
+import functools
 import re
 
 import numpy as np
@@ -13,7 +15,7 @@ from sma_actuator.characterise.programs import partial_cycles, square_pulses
 from sma_actuator.config import Config, require_calibrated
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import IdentificationError, identify
-from sma_actuator.identify.fitters.whole_range import learner
+from sma_actuator.identify.fitters.whole_range import learner, surroundings
 from sma_actuator.identify.identification import identify_best
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.experiments import make_experiment
@@ -23,16 +25,26 @@ LOAD_N = 1.0
 SPRING = Spring(300.0, 0.5)
 
 
+@functools.cache
 def record(wire, seed, load_N=LOAD_N, cycles=4, spring=None):
-    """Pulses, then partial cycles, at one weight, or on a spring."""
+    """Pulses, then partial cycles, at one weight, or on a spring: logs that are everybody's."""
     _, rig, _ = virtual_rig(wire, seed=seed, load=spring or Weight(load_N))
     current_A = {"flexinol": 0.3, "furukawa": 0.6}[wire]
     places_m = {"flexinol": (0.0035, 0.0010), "furukawa": (0.0015, 0.0005)}[wire]
     with rig.opened():
-        return [
+        return (
             rig.record(square_pulses(cycles, current_A, 0.05, 5.0, 10.0)),
             rig.record(partial_cycles(list(np.linspace(*places_m, 4)), current_A, 0.05, 6.0, 8.0)),
-        ]
+        )
+
+
+@contextlib.contextmanager
+def few_units():
+    """A whole-range model of a quarter of the units takes a fifth of the time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(learner, "UNITS", 8)
+        patch.setattr(surroundings, "UNITS", 4)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -111,8 +123,7 @@ def test_one_long_log_is_cut_into_stretches_to_hold_some_out(from_one_log):
 @pytest.fixture(scope="module")
 def on_a_spring():
     """The model of a wire on which nobody hung a weight: it pulls the spring of its joint."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(learner, "UNITS", 8)  # in a quarter of the time
+    with few_units():
         return identify_best(record("flexinol", 1, spring=SPRING), bench_mapping("flexinol"))
 
 
@@ -137,8 +148,7 @@ def test_a_spring_tells_what_heat_the_wire_takes_as_a_weight_does(on_a_spring, t
 def test_between_two_weights_it_goes_along_a_line_and_says_so(wire):
     """Nothing tells the square of the stress from a constant: with half of each it was off by 49 and 11 % midway."""
     logs = [log for load_N in (0.6, 2.0) for log in record(wire, 1, load_N)]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(learner, "UNITS", 8)  # in a quarter of the time
+    with few_units():
         found = identify(logs, bench_mapping(wire), "whole_range")
     assert error_percent(found, record(wire, 2, 1.2)[0])[0] < 5.0
     (sentence,) = [s for s in found.verdict.sentences if s.startswith("between 0.6 and 2 N no log has a load")]
@@ -155,8 +165,7 @@ def as_if_it_rose(log):
 
 def test_the_resistance_of_a_wire_may_rise_as_it_contracts():
     logs = [as_if_it_rose(log) for load_N in (0.6, 2.0) for log in record("flexinol", 1, load_N)]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(learner, "UNITS", 8)  # in a quarter of the time
+    with few_units():
         found = identify(logs, bench_mapping("flexinol"), "whole_range")
     (hot_Ohm, *_), (cold_Ohm, *_) = found.config.model.hot_resistance, found.config.model.cold_resistance
     assert hot_Ohm > cold_Ohm
@@ -172,8 +181,7 @@ def test_the_resistance_of_a_wire_may_rise_as_it_contracts():
 def test_three_weights_are_judged_by_two_that_tell_of_a_line(wire):
     """Without the one between, the square of the stress was told by nothing: it was said to be off by 9 % there."""
     logs = [log for load_N in (0.6, 1.2, 2.0) for log in record(wire, 1, load_N)]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(learner, "UNITS", 8)  # in a quarter of the time
+    with few_units():
         found = identify(logs, bench_mapping(wire), "whole_range")
     between = [error_percent(found, record(wire, 2, load_N)[0])[0] for load_N in (0.9, 1.6)]
     assert max(between) < found.verdict.regions["working range"] < 2.0
