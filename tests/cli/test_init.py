@@ -64,6 +64,17 @@ def asked(text, *words):
     )
 
 
+@pytest.fixture
+def given(capsys):
+    """The command in this process, which nobody answers: exit code and standard error."""
+
+    def run(*words):
+        capsys.readouterr()
+        return SimpleNamespace(returncode=main(["init", *map(str, words)]), stderr=capsys.readouterr().err)
+
+    return run
+
+
 def test_answers_at_a_pipe_make_a_file_that_says_where_every_limit_comes_from(tmp_path):
     out = tmp_path / "bench.yaml"
     lines = list(ANSWERS.values())
@@ -222,10 +233,10 @@ def test_nobody_to_answer_is_a_sentence(tmp_path):
     assert not (tmp_path / "bench.yaml").exists()
 
 
-def test_where_nobody_answers_what_has_a_usual_answer_gets_it(tmp_path):
+def test_where_nobody_answers_what_has_a_usual_answer_gets_it(tmp_path, given):
     usual = {question.name for question in QUESTIONS if question.default is not None}
-    given = [word for name, text in ANSWERS.items() if name not in usual for word in ("--set", f"{name}={text}")]
-    done = asked(None, *given, "--out", tmp_path / "bench.yaml")
+    words = [word for name, text in ANSWERS.items() if name not in usual for word in ("--set", f"{name}={text}")]
+    done = given(*words, "--out", tmp_path / "bench.yaml")
     assert done.returncode == 0, done.stderr
     assert "nobody can answer: as Enter" in done.stderr
     assert read_parameter_file(tmp_path / "bench.yaml")["instruments"]["daq"]["supply_voltage_channel"] == 101
@@ -595,10 +606,10 @@ def test_what_a_file_leaves_out_counts_as_what_its_section_has_by_default():
     ],
 )
 @pytest.mark.parametrize("instrument", ["supply", "daq"])
-def test_an_address_that_is_no_resource_is_refused_with_what_it_is_as_one(tmp_path, said, wanted, instrument):
+def test_an_address_that_is_no_resource_is_refused_with_what_it_is_as_one(tmp_path, given, said, wanted, instrument):
     name, out = f"instruments.{instrument}.resource", tmp_path / "bench.yaml"
     words = [word for key, value in (ANSWERS | {name: said}).items() for word in ("--set", f"{key}={value}")]
-    done = asked("", *words, "--out", out)
+    done = given(*words, "--out", out)
     assert f"{name}: '{said}' is no VISA resource; {wanted}" in done.stderr and done.returncode == 1
     assert not out.exists()
 
@@ -610,23 +621,23 @@ def test_a_device_of_a_makers_package_has_a_name_of_its_own(tmp_path):
     assert main(["init", *words, "--out", str(tmp_path / "bench.yaml")]) == 0
 
 
-def test_more_volts_than_there_are_are_blamed_on_the_resistance_that_wants_them(tmp_path):
+def test_more_volts_than_there_are_are_blamed_on_the_resistance_that_wants_them(tmp_path, given):
     words = [word for key, value in ANSWERS.items() for word in ("--set", f"{key}={value}")]
     out = ("--out", tmp_path / "bench.yaml")
-    done = asked("", *words, "--set", "circuit.reference_resistance=1kohm", *out)
+    done = given(*words, "--set", "circuit.reference_resistance=1kohm", *out)
     assert "init: circuit.reference_resistance: 1000 Ω and a wire of 5.48 Ω want" in done.stderr
     assert "a fifth of the wire's resistance or less" in done.stderr
-    done = asked("", *words, "--set", "wire.length=3m", *out)
+    done = given(*words, "--set", "wire.length=3m", *out)
     assert "init: wire.length, wire.diameter: a wire of 164 Ω and its sense resistor want" in done.stderr
 
 
-def test_a_control_law_and_its_own_parameters_may_be_asked_for(tmp_path):
+def test_a_control_law_and_its_own_parameters_may_be_asked_for(tmp_path, given):
     words = [word for key, value in ANSWERS.items() for word in ("--set", f"{key}={value}")]
     out = tmp_path / "bench.yaml"
     law = ("--set", "controller.type=feed_forward_pid", "--set", "controller.feed_forward=0.5")
     assert main(["init", *words, *law, "--out", str(out)]) == 0
     assert read_parameter_file(out)["controller"]["feed_forward"] == 0.5
-    done = asked("", *words, "--set", "controller.type=quick", "--out", tmp_path / "other.yaml")
+    done = given(*words, "--set", "controller.type=quick", "--out", tmp_path / "other.yaml")
     assert "controller.type: 'quick' is not one of" in done.stderr and "feed_forward_pid" in done.stderr
 
 
