@@ -26,8 +26,9 @@ def read_parameter_file(path: str | Path, node: str = NODE_NAME) -> dict[str, An
     Raises ConfigError; its sentence names the file.  What stands beside the sections of nodes is refused, as ROS does:
     nobody would read it.
     """
-    mapping = parameters_in(path, node)
-    strays = [str(name) for name, held in read_sections(path).items() if not _is_of_nodes(held)]
+    document = read_sections(path)
+    mapping = _of_node(document, path, node)
+    strays = [str(name) for name, held in document.items() if not _is_of_nodes(held)]
     if strays:
         raise ConfigError(
             f"{path}: {', '.join(strays)[:180]}: stands beside '{node}: ros__parameters:', where nothing reads it; "
@@ -43,7 +44,10 @@ def _is_of_nodes(held: Any) -> bool:
 
 def parameters_in(path: str | Path, node: str = NODE_NAME) -> dict[str, Any]:
     """What stands in the YAML file itself.  Raises ConfigError."""
-    document = read_sections(path)
+    return _of_node(read_sections(path), path, node)
+
+
+def _of_node(document: Mapping[str, Any], path: str | Path, node: str) -> dict[str, Any]:
     for name in (node, f"/{node}", "/**"):
         if isinstance(document.get(name), Mapping) and "ros__parameters" in document[name]:
             held = document[name]["ros__parameters"]
