@@ -168,13 +168,17 @@ def learn(experiments: Sequence[Experiment], found: Sequence[Estimates], config:
         rows.append(tuple(c[good][::stride] for c in columns))
     seen, residual_m, log, block, time_s = (np.concatenate(c) for c in zip(*rows, strict=True))
     centre, scale = seen.mean(axis=0), seen.std(axis=0) + 1e-12
-    z, beside = (seen - centre) / scale, _without_the_model((seen - centre) / scale)
+    z = (seen - centre) / scale
+    beside = _without_the_model(z)
+    basis, basis_beside = _basis(z), _basis(beside)
     place_m = seen[:, MODEL] + residual_m
     stretches = block.astype(int) % FOLDS
     fold = _of_loads(experiments, log)
     fold = stretches if fold is None else fold
-    unexpected_m = _left_out(z, residual_m, fold)
-    apart_m = np.abs(_left_out(beside, place_m, fold) - unexpected_m)
+    unexpected_m = _left_out(z, basis, residual_m, fold)
+    apart_m = np.abs(_left_out(beside, basis_beside, place_m, fold) - unexpected_m)
+    # Of a load that was fitted: what a regression adds beyond the loads that it knows lasts as long as its cycles.
+    lasting_m = unexpected_m if fold is stretches else _left_out(z, basis, residual_m, stretches)
     typical_m = float(np.median(apart_m))
     times = float(np.quantile(np.abs(unexpected_m) / (typical_m + apart_m), COVERAGE)) / (INTERVAL * SPREAD)
     return ExpectationSection(
@@ -183,13 +187,12 @@ def learn(experiments: Sequence[Experiment], found: Sequence[Estimates], config:
         expected_scale=_rounded(scale),
         expected_least=_rounded(z.min(axis=0)),
         expected_most=_rounded(z.max(axis=0)),
-        expected_weights=_rounded(_ridge(z, residual_m)),
-        expected_place=_rounded(_ridge(beside, place_m)),
+        expected_weights=_rounded(_ridge(basis, residual_m)),
+        expected_place=_rounded(_ridge(basis_beside, place_m)),
         expected_apart=typical_m,
         expected_times=times,
         floor=float(np.abs(unexpected_m).mean()) / full_m * 100,
-        # Of a load that was fitted: what a regression adds beyond the loads that it knows lasts as long as its cycles.
-        independent_time=correlation_time_s(time_s, _left_out(z, residual_m, stretches), log),
+        independent_time=correlation_time_s(time_s, lasting_m, log),
     )
 
 
@@ -313,8 +316,7 @@ def _without_the_model(z: np.ndarray) -> np.ndarray:
     return out
 
 
-def _ridge(z: np.ndarray, target: np.ndarray) -> np.ndarray:
-    basis = _basis(z)
+def _ridge(basis: np.ndarray, target: np.ndarray) -> np.ndarray:
     shrink = np.full(basis.shape[1], RIDGE * len(basis))
     shrink[0] = 1e-9
     return np.linalg.solve(basis.T @ basis + np.diag(shrink), basis.T @ target)
@@ -331,14 +333,14 @@ def _of_loads(experiments: Sequence[Experiment], log: np.ndarray) -> np.ndarray 
     return np.searchsorted(edges_Pa, stress_Pa, side="right")[log] % FOLDS
 
 
-def _left_out(z: np.ndarray, target: np.ndarray, fold: np.ndarray) -> np.ndarray:
-    """Target less what is expected by a regression that has not seen it."""
+def _left_out(z: np.ndarray, basis: np.ndarray, target: np.ndarray, fold: np.ndarray) -> np.ndarray:
+    """Target less what is expected by a regression that has not seen it; ``basis``: of all of ``z``."""
     out = target.copy()
     for number in range(FOLDS):
         hidden = fold == number
         if hidden.any() and not hidden.all():
             seen = z[~hidden]
-            weights = _ridge(seen, target[~hidden])
+            weights = _ridge(basis[~hidden], target[~hidden])
             out[hidden] -= _evaluate(np.clip(z[hidden], seen.min(axis=0), seen.max(axis=0)), weights)
     return out
 
