@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import faulthandler
 import gc
+import inspect
 import json
 import multiprocessing
 import os
@@ -160,6 +161,8 @@ def _load() -> None:
     warm_up(Config.from_mapping(read_parameter_file(shared_file("config/flexinol.yaml"))))
     with contextlib.suppress(ModuleNotFoundError):
         import rosidl_generator_py  # noqa: F401 - what rclpy wants first of all, and is Python alone
+    # With a node's first word rclpy asks this, and Python looks through all modules that there are: 40 ms.
+    inspect.getframeinfo(inspect.currentframe())
     assert "rclpy" not in sys.modules
     # What is loaded stays: a program that begins by looking for garbage would look through all of it, and copy it.
     gc.freeze()
