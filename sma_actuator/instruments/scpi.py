@@ -26,6 +26,13 @@ from .supply import Abilities, SessionSupply
 _ERRORS_QUEUED = 20
 #: Readback of a setting may differ by the instrument's resolution.
 SETTING_TOLERANCE = 0.02
+_TOO_NEAR = "; it may want supply.over_voltage_trip further above supply.max_voltage: see its manual"
+#: Why a supply may not have taken a limit that was just programmed, to end a sentence with.
+_NOT_TAKEN = {
+    "voltage_setting": _TOO_NEAR,
+    "over_voltage_setting": _TOO_NEAR,
+    "over_current_setting": "; that may be beneath the least trip that it has: see its manual",
+}
 
 
 def _identify(session: Session, dialect: Dialect, queries: Mapping[str, Query]) -> str:
@@ -223,7 +230,7 @@ class ScpiSupply(SessionSupply):
         trip_V, trip_A = limits.over_voltage_V, limits.over_current_trip
         wanted = (
             ("voltage_setting", "", limits.max_voltage, f"supply.max_voltage, {limits.max_voltage:g} V"),
-            ("over_voltage_setting", "over_voltage_on", trip_V, f"an over-voltage trip of {trip_V:g} V"),
+            ("over_voltage_setting", "over_voltage_on", trip_V, f"supply.over_voltage_trip, {trip_V:g} V"),
             ("over_current_setting", "over_current_on", trip_A, f"supply.over_current_trip, {trip_A:g} A"),
         )
         self._checks = [partial(self._holds, *limit) for limit in wanted if limit[0] in self._queries]
@@ -232,9 +239,12 @@ class ScpiSupply(SessionSupply):
         self.check_settings()
 
     def _program_limits(self) -> None:
-        self._tell("set_voltage", self._limits.max_voltage)
-        self._tell("set_over_voltage", self._limits.over_voltage_V)
+        if "set_over_voltage" in self._dialect.commands:
+            # Many refuse a voltage above the trip that was left, or a trip below the voltage; from 0 V on neither is.
+            self._tell("set_voltage", 0.0)
+            self._tell("set_over_voltage", self._limits.over_voltage_V)
         self._tell("set_over_current", self._limits.over_current_trip)
+        self._tell("set_voltage", self._limits.max_voltage)
 
     def _program_anew(self) -> None:
         """What switching off has changed."""
@@ -297,7 +307,8 @@ class ScpiSupply(SessionSupply):
         asked = self._queries[query]
         found, reply = self._session.ask_for(asked.text, lambda reply: (asked.number(reply), reply))
         if not abs(found - wanted) <= SETTING_TOLERANCE * wanted:
-            raise LimitsNotHeld(f"{self._session.name}: does not hold {what}: it reads back {reply}")
+            advice = "" if self._ours else _NOT_TAKEN[query]  # later somebody else may have changed it
+            raise LimitsNotHeld(f"{self._session.name}: does not hold {what}: it reads back {reply}{advice}")
         if (state := self._queries.get(switch)) is not None and not self._session.ask_for(state.text, state.truth):
             raise LimitsNotHeld(f"{self._session.name}: does not hold {what}: that protection is switched off")
 

@@ -173,14 +173,14 @@ def test_a_watchdog_that_does_not_hold_is_refused(bench):
 @pytest.mark.parametrize(
     ("query", "words"),
     (
-        (":VOLT?", "supply.max_voltage, 6 V"),
-        (":VOLT:PROT?", "an over-voltage trip of 6.6 V"),
-        (":CURR:PROT?", "supply.over_current_trip, 0.45 A"),
+        (":VOLT?", "supply.max_voltage, 6 V: it reads back 20.0; it may want supply.over_voltage_trip further above"),
+        (":VOLT:PROT?", "supply.over_voltage_trip, 6.6 V: it reads back 20.0; it may want supply.over_voltage_trip"),
+        (":CURR:PROT?", "supply.over_current_trip, 0.45 A: it reads back 20.0; that may be beneath the least trip"),
     ),
 )
 def test_a_limit_that_the_supply_does_not_take_is_refused(stand_in, make_config, query, words):
     stand_in.replies[query] = "20.0"
-    with pytest.raises(InstrumentRefused, match=f"does not hold {words}: it reads back 20.0"):
+    with pytest.raises(InstrumentRefused, match=f"does not hold {words}"):
         opened(stand_in, make_config)
 
 

@@ -226,3 +226,39 @@ def test_a_read_back_that_takes_too_long_blames_all_its_answers(tmp_path, supply
         InstrumentLost, match=r"; with the \d answers? before it that took .* instruments.supply.timeout is the"
     ):
         supply.read_back()
+
+
+class KeepsApart(Answering):
+    """Takes no voltage within 1 V of its over-voltage trip and no trip within 1 V of its voltage, and says nothing."""
+
+    def __init__(self, left_V, left_trip_V):
+        super().__init__(None)
+        self.settings |= {"VOLT": str(left_V), "OVP": str(left_trip_V)}
+
+    def __call__(self, line):
+        before = dict(self.settings)
+        answer = super().__call__(line)
+        if float(self.settings["OVP"]) < float(self.settings["VOLT"]) + 1.0:
+            self.settings = before
+        return answer
+
+
+OVER_VOLTAGE = {"commands.set_over_voltage": "OVP {value:.2f}", "queries.over_voltage_setting": "OVP?"}
+
+
+@pytest.mark.parametrize(("left_V", "left_trip_V"), [(0.5, 2.0), (1.0, 60.0), (12.0, 60.0)])
+def test_limits_are_programmed_whatever_was_left_of_those_that_bound_each_other(
+    tmp_path, supply_of, left_V, left_trip_V
+):
+    instrument = KeepsApart(left_V, left_trip_V)
+    with TcpInstrument(instrument) as line:
+        supply_of(line, dialect(tmp_path, **OVER_VOLTAGE), **{"supply.over_voltage_trip": 7.5}).open()
+        assert (float(instrument.settings["VOLT"]), float(instrument.settings["OVP"])) == (6.0, 7.5)
+        assert instrument.settings["OUTP"] == "0"
+
+
+def test_a_trip_that_is_too_near_to_the_voltage_is_said_to_be(tmp_path, supply_of):
+    with TcpInstrument(KeepsApart(1.0, 60.0)) as line:
+        wanted = r"supply.max_voltage, 6 V: it reads back 0.000; it may want supply.over_voltage_trip further above"
+        with pytest.raises(LimitsNotHeld, match=wanted):
+            supply_of(line, dialect(tmp_path, **OVER_VOLTAGE)).open()
