@@ -15,7 +15,7 @@ from sma_actuator.base.interrupts import noted_signals
 from sma_actuator.base.parameter_file import read_parameter_file
 from sma_actuator.config import BenchConfig, Config, config_from_mapping, require_sense_resistor
 from sma_actuator.console import add_output_arguments, notes, refuse_to_overwrite, results, say_next, typed, write_json
-from sma_actuator.instruments import Clock, Daq, PowerSupply
+from sma_actuator.instruments import Clock, Daq, PowerSupply, open_daq, open_instruments
 
 from .found import Found, Level, passed
 from .selftest import SelfTest
@@ -43,6 +43,8 @@ def run(args) -> int:
     with noted_signals() as interrupts:
         supply, daq, clock = _instruments(config, args.virtual)
         test = SelfTest(config, supply, daq, clock, None if args.virtual else _opening(config, clock))
+        if not args.virtual:
+            test.as_written = lambda: open_instruments(config, clock)
         found = _test(test, config, lambda: bool(interrupts), notes(args), results(args))
         write_json(args, [dataclasses.asdict(each) | {"level": each.level.name.lower()} for each in found])
         interrupts.raise_noted()
@@ -93,7 +95,6 @@ def _instruments(config: BenchConfig, virtual: str | None) -> tuple[PowerSupply,
 
         bench = VirtualBench.from_name(virtual, **setup_of(virtual, config, "--virtual"))
         return InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench)
-    from sma_actuator.instruments import open_instruments
     from sma_actuator.instruments.clock import MonotonicClock
 
     clock = MonotonicClock()
@@ -102,8 +103,6 @@ def _instruments(config: BenchConfig, virtual: str | None) -> tuple[PowerSupply,
 
 def _opening(config: BenchConfig, clock: Clock) -> Callable[[BenchConfig], Daq] | None:
     """What makes the DAQ anew for another configuration; None where it is the supply as well, on one connection."""
-    from sma_actuator.instruments import open_daq
-
     instruments = config.instruments
     if instruments.daq.resource == instruments.supply.resource:
         return None

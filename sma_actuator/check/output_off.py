@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import logging
 
 import numpy as np
 
@@ -11,7 +12,8 @@ from sma_actuator.base.calibration import through
 from sma_actuator.base.parameters import to_mapping
 from sma_actuator.config import Config
 from sma_actuator.derived import derived, not_survived
-from sma_actuator.instruments import InstrumentError
+from sma_actuator.instruments import Daq, InstrumentError, PowerSupply
+from sma_actuator.instruments.supply import __name__ as supply_log
 
 from .found import Level, passed
 from .pace import LEAST_RATE_Hz
@@ -32,6 +34,30 @@ def identity(probe: Probe) -> str:
     probe.daq.open()
     probe.identity = probe.supply.identity
     return f"the supply is {probe.supply.identity}; the DAQ is {probe.daq.identity}"
+
+
+def opening(probe: Probe, supply: PowerSupply, daq: Daq) -> bool:
+    """Do both answer when they are opened within the time-outs of the parameters, as the node opens them?
+
+    Whether the output is off still, which was read back before.
+    """
+    opened = False
+    unsafe = logging.getLogger(supply_log)  # of what it cannot do was said when it was opened first
+    level = unsafe.level
+    unsafe.setLevel(logging.ERROR)
+    try:
+        supply.open()
+        opened = True
+        daq.open()
+        probe.say("opening", "both are opened once more within the time-outs that the node has for that")
+    except InstrumentError as error:
+        probe.wrong("opening", f"within the time-outs that the node has for that they are not: {error}")
+    finally:
+        unsafe.setLevel(level)
+        off = supply.shut_down() or not opened
+        for instrument in (supply, daq):
+            instrument.close()
+    return off
 
 
 def limits(probe: Probe) -> None:

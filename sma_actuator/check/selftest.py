@@ -12,9 +12,9 @@ from sma_actuator.config import BenchConfig
 from sma_actuator.instruments import Clock, Daq, InstrumentError, PowerSupply
 
 from .bias_current import at_bias
-from .found import Found
+from .found import Found, passed
 from .more_current import at_more, between, heat
-from .output_off import at_rest, displacement, gains, identity, limits, speed
+from .output_off import at_rest, displacement, gains, identity, limits, opening, speed
 from .probe import Ends, Probe
 from .watchdog import watchdog
 
@@ -35,6 +35,8 @@ class SelfTest:
     ):
         self._probe = Probe(config, supply, daq, clock)
         self._probe.other_daq = other_daq
+        #: Both as the parameters have them, where those of the test wait longer for an answer than any loop may.
+        self.as_written: Callable[[], tuple[PowerSupply, Daq]] | None = None
         self.off_confirmed = False
 
     @property
@@ -78,6 +80,8 @@ class SelfTest:
             self.off_confirmed = probe.supply.shut_down()
             for instrument in (probe.supply, probe.daq):
                 instrument.close()
+        if self.as_written is not None and self.off_confirmed and passed(probe.found):
+            self.off_confirmed = opening(probe, *self.as_written())
         if self.off_confirmed:
             probe.say("output", "the output is off, and the supply has read that back")
         elif probe.opened:

@@ -401,6 +401,40 @@ def self_test(stand, supply):
     return SelfTest(stand.config, supply, InProcessDaq(stand.bench, stand.config), VirtualClock(stand.bench))
 
 
+def opened_again(change=lambda supply, daq: None):
+    """What the test says at the end, of instruments that are opened once more as the node opens them; and itself."""
+    stand = Stand()
+    supply, daq = InProcessSupply(stand.bench, stand.config), InProcessDaq(stand.bench, stand.config)
+    change(supply, daq)
+    test = self_test(stand, InProcessSupply(stand.bench, stand.config))
+    test.as_written = lambda: (supply, daq)
+    return {each.part: each for each in test.run()[-2:]}, test, stand
+
+
+def test_that_the_node_can_open_both_is_said_last_but_that_the_output_is_off():
+    found, test, stand = opened_again()
+    assert found["opening"].level is Level.OK and found["output"].level is Level.OK
+    assert test.off_confirmed and not stand.bench.supply.output_on
+
+
+def test_a_board_that_hears_nothing_in_time_after_its_line_is_opened_is_found_before_the_node_waits_for_it():
+    """An Arduino began anew each time, which the patience of the test hid: it passed, and the node waited for ever."""
+
+    def deaf():
+        raise InstrumentLost("daq at ASRL/dev/ttyACM0: no complete answer to '?' within 0.2 s")
+
+    found, test, stand = opened_again(lambda supply, daq: setattr(daq, "open", deaf))
+    assert (
+        found["opening"].level is Level.WRONG and "no complete answer to '?' within 0.2 s" in found["opening"].sentence
+    )
+    assert found["output"].level is Level.OK and test.off_confirmed and not stand.bench.supply.output_on
+
+
+def test_what_opening_again_leaves_on_is_not_said_to_be_off():
+    found, test, _ = opened_again(lambda supply, daq: setattr(supply, "shut_down", lambda: False))
+    assert found["output"].level is Level.WRONG and not test.off_confirmed
+
+
 @pytest.mark.parametrize(
     ("steps_A", "is_said"), [(1e-3, False), (4e-3, False), (5e-3, True), (7.3e-3, True), (0.02, True)]
 )
