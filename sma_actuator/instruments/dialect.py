@@ -37,12 +37,15 @@ _NOTHING: frozenset[str] = frozenset()
 #: Placeholders each command may use, and each query with what its answer is (a key of ``phrases.READINGS``).
 _COMMANDS: dict[str, dict[str, frozenset[str]]] = {
     "supply": {
-        **dict.fromkeys(("select", "clear_status", "prepare", "lock", "unlock"), _CHANNEL),
+        **dict.fromkeys(("remote", "local", "select", "clear_status", "prepare", "lock", "unlock"), _CHANNEL),
         **dict.fromkeys(("output_on", "output_off", "clear_trips", "disarm_watchdog"), _CHANNEL),
         **dict.fromkeys(("set_current", "set_voltage", "set_over_voltage", "set_over_current"), _VALUE),
         "arm_watchdog": _VALUE,
     },
-    "daq": {"clear_status": _NOTHING, "prepare": _CHANNELS | _CHANNEL, "before_read": _CHANNELS | _CHANNEL},
+    "daq": {
+        **dict.fromkeys(("remote", "local", "clear_status"), _NOTHING),
+        **dict.fromkeys(("prepare", "before_read"), _CHANNELS | _CHANNEL),
+    },
 }
 _QUERIES: dict[str, dict[str, tuple[frozenset[str], str]]] = {
     "supply": {
@@ -246,12 +249,20 @@ class Dialect:
                 f"for it"
             ) from None
 
-    def off_lines(self, channel: int) -> list[str]:
-        """What is said blind, first and last on every connection."""
+    def off_lines(self, channel: int, serial: bool = False) -> list[str]:
+        """What is said blind, first and last on every connection; ``serial``: of a serial line."""
         return [
+            *(self.lines("remote", channel=channel) if serial else ()),
             *self.lines("select", channel=channel),
             *self.lines("output_off", channel=channel),
             *self.lines("set_current", channel=channel, value=self.zero_current_A),
+        ]
+
+    def unlock_lines(self, channel: int, serial: bool = False) -> list[str]:
+        """What gives its front panel back to people."""
+        return [
+            *self.lines("unlock", channel=channel),
+            *(self.lines("local", channel=channel) if serial else ()),
         ]
 
 

@@ -19,7 +19,7 @@ from .claim import Claim
 from .dialect import Dialect
 from .parameters import InstrumentSections
 from .phrases import Query, asks_one, fixed
-from .session import OPENING_ANSWERS, Session
+from .session import OPENING_ANSWERS, Session, is_serial
 from .supply import Abilities, SessionSupply
 
 #: Where nothing clears a queue of errors, at most so many are read away.
@@ -125,7 +125,8 @@ class ScpiSupply(SessionSupply):
         self._told_A = 0.0  #: the current that it was told last
         self._cut_off_A = 0.0  #: of that, what the digits of its dialect left out
         manner = Manner.of(instrument, *dialect.manner, fixed=fixed([*self._queries.values(), *self._trips.values()]))
-        super().__init__(config, manner, dialect.off_lines(channel), dialect.lines("unlock", channel=channel))
+        serial = is_serial(instrument.resource)
+        super().__init__(config, manner, dialect.off_lines(channel, serial), dialect.unlock_lines(channel, serial))
 
     @property
     def session(self) -> Session:
@@ -370,6 +371,7 @@ class ScpiDaq:
             if not self._is_supply:
                 self._session.open()
                 self._session.let_begin(pause_s)
+                self._tell_on_a_serial_line("remote")
             self.identity = _identify(self._session, self._dialect, self._queries)
             _forget_errors(self._session, self._queries, self._dialect.lines("clear_status"))
             self._session.tell(*self._lines("prepare"))
@@ -388,6 +390,10 @@ class ScpiDaq:
             time_s = min(self._clock.now_s(), self._session.late_since_s)
         return self._channels.reading(time_s, values)
 
+    def _tell_on_a_serial_line(self, name: str) -> None:
+        if is_serial(self._session.resource):
+            self._session.tell_blind(*self._dialect.lines(name))
+
     def _lines(self, name: str) -> list[str]:
         return self._dialect.lines_of_each(name, self._channels.numbers, **self._values)
 
@@ -404,6 +410,8 @@ class ScpiDaq:
     def close(self) -> None:
         """Give up the connection, and let others speak to it.  Never raises."""
         if not self._is_supply:
+            with suppress(InstrumentError):
+                self._tell_on_a_serial_line("local")
             self._session.close()
         if self._claim is not None:
             self._claim.release()

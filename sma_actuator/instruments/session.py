@@ -450,7 +450,7 @@ class Session:
         as a serial line and a gateway keep it."""
         whose = self._out_of_step if self._is_understood else self._for_people
         advice = self._advice(first) if self._answered or not self._is_understood else ""
-        return self.give_up(f"said '{_shown(came)}' without being asked: {whose}{advice}")
+        return self.give_up(f"said '{_shown(came)}' without being asked: {whose}{advice}{self.may_begin_anew}")
 
     def _owe(self, *lines: str) -> None:
         self._told += lines
@@ -547,7 +547,10 @@ class Session:
     @property
     def _not_understood(self) -> str:
         """What may be so where it has never answered; to end a sentence with."""
-        why = f"; is instruments.{self.role}.serial.baud_rate, {self._manner.serial.baud_rate}, right?"
+        why = (
+            f"; is instruments.{self.role}.serial.baud_rate, {self._manner.serial.baud_rate}, right; does it obey in "
+            "remote alone, as after SYST:REM (remote, in its dialect)"
+        )
         ends = (
             f"; does it want more than instruments.{self.role}.timeout; do its lines end otherwise than with "
             f"{self._manner.write_termination!r} (instruments.{self.role}.write_termination), or want time between "
@@ -564,7 +567,7 @@ class Session:
 
     @property
     def _is_serial(self) -> bool:
-        return self.resource.upper().startswith("ASRL")
+        return is_serial(self.resource)
 
     @property
     def _out_of_step(self) -> str:
@@ -580,6 +583,11 @@ class Session:
 
     def _cannot_be_opened(self, error: Exception) -> InstrumentUnreachable:
         return InstrumentUnreachable(f"{self.name}: {_why_not_opened(error, self._is_serial)}")
+
+
+def is_serial(resource: str) -> bool:
+    """Whether a VISA resource is a serial line."""
+    return resource.upper().startswith("ASRL")
 
 
 def _why_not_opened(error: Exception, is_serial: bool) -> str:

@@ -342,6 +342,8 @@ class SessionSupply(ABC):
                     beside.open()
                     beside.tell(*self._unlock_lines)  # an instrument may think the lost one alive
                     self._off(beside)
+                    with contextlib.suppress(InstrumentError):
+                        beside.tell(*self._unlock_lines)  # nobody drives it now but a hand
                     return
             except InstrumentUnreachable:
                 raise

@@ -329,8 +329,8 @@ class Kepco(Family):
         self.remote, self.mode = False, "VOLT"
 
     def __call__(self, line):
-        if line == "SYST:REM ON":
-            self.remote = True
+        if line in ("SYST:REM ON", "SYST:REM OFF"):
+            self.remote = line == "SYST:REM ON"
             return None
         if not self.remote and "?" not in line:
             return None
