@@ -66,13 +66,13 @@ class Counterpart:
 COUNTERPARTS = {
     "instro": Counterpart("instro"),
     "rigol_dp832": Counterpart("rigol_dp800", unknown=("prepare", "lock", "unlock")),
-    "siglent_spd3303x": Counterpart("siglent_spd"),
-    "siglent_spd1168x": Counterpart("siglent_spd"),
+    "siglent_spd3303x": Counterpart("siglent_spd", rate_Hz=5.0, slow_rate_Hz=3.4),
+    "siglent_spd1168x": Counterpart("siglent_spd", rate_Hz=5.0, slow_rate_Hz=3.4),
     "tti_pl303": Counterpart("aimtti_pl", supply={"read_termination": "lf"}),
     "keithley_2400": Counterpart("keithley_2400", unknown=("OUTP:SMOD HIMP", "SOUR:CLE:AUTO OFF", "SENS:VOLT:RANG 20")),
     "keithley_2450": Counterpart("keithley_2450"),
     "labwire": Counterpart("labwire", zero_A=1e-4),
-    "scpi_control": Counterpart("siglent_spd"),
+    "scpi_control": Counterpart("siglent_spd", rate_Hz=5.0, slow_rate_Hz=3.4),
     "lewis_genesys": Counterpart("tdk_genesys", supply={"channel": 6}, rate_Hz=5.0, slow_rate_Hz=4.0),
     "lewis_genesys_serial": Counterpart(
         "tdk_genesys",

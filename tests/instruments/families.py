@@ -7,6 +7,7 @@ all.  Behind every output hangs a load, so voltage, current and trips follow fro
 from __future__ import annotations
 
 import re
+import time
 
 
 class Output:
@@ -296,8 +297,11 @@ class KeysightE36300(TripsInConstantCurrent):
 
 
 class Siglent(Family):
-    """SPD3303X, channel 1: a status word in hexadecimal, no *CLS, errors with their words behind two blanks."""
+    """SPD3303X, channel 1: a status word in hexadecimal, no *CLS, errors with their words behind two blanks; what comes
+    while it is busy with the last line is lost."""
 
+    rate_Hz = 5.0
+    busy_s = 0.01  #: half of what its owners allow it: a machine that holds us up brings lines nearer to each other
     identity = "Siglent Technologies,SPD3303X,SPD3XGB4150080,1.01.01.01.02R5,V3.0"
 
     def commands(self):
@@ -316,6 +320,17 @@ class Siglent(Family):
             (r"MEAS:CURR\? CH1", self.amperes("{:.3f}")),
             (r"SYST:STAT\?", lambda: f"0x{0x04 + 0x20 + 0x10 * self.out.on + 0x01:x}"),  # channel 2 is on as well
         ]
+
+    def __init__(self):
+        super().__init__()
+        self.free_s = 0.0
+
+    def __call__(self, line):
+        if time.monotonic() < self.free_s:
+            return None
+        answer = super().__call__(line)
+        self.free_s = time.monotonic() + self.busy_s
+        return answer
 
 
 class Kepco(Family):

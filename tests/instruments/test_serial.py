@@ -208,7 +208,7 @@ def test_another_baud_rate_is_asked_about(make_config, bench, baud_rate):
         if baud_rate == 19200:
             supply.open()
         else:
-            with pytest.raises(InstrumentLost, match=r"is instruments.supply.serial.baud_rate, 9600, right\?"):
+            with pytest.raises(InstrumentLost, match=r"is instruments.supply.serial.baud_rate, 9600, right;"):
                 supply.open()
         supply.close()
 
