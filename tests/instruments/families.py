@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import time
+from typing import ClassVar
 
 
 class Output:
@@ -52,6 +53,7 @@ class Family:
     rate_Hz = 20.0  #: of a loop that it is quick enough for
     #: What the manual says of it, for the tests.
     has_ovp = has_ocp = False
+    parameters: ClassVar[dict] = {}  #: that its owner must choose otherwise
 
     def __init__(self):
         self.out = Output()
@@ -631,8 +633,143 @@ class Korad(Family):
         ]
 
 
+class OwonSpe(Family):
+    """SPE3103 on its USB: trips that a voltage must stay 1 V below, or it is not taken and nothing said; ERR to what it
+    does not know; what comes while it is busy with the last line is lost."""
+
+    identity = "OWON,SPE3103,24110477,FV:V5.2.0"
+    says = "\r\n"
+    serial = True
+    has_ovp = has_ocp = True
+    rate_Hz = 5.0
+    parameters: ClassVar[dict] = {"supply.over_voltage_trip": 7.5}
+    busy_s = 0.008
+
+    def __init__(self):
+        super().__init__()
+        self.errors = []  # it has no queue of them
+        self.out.ovp_V, self.out.ocp_A = 2.5, 10.5  # as somebody has left them
+        self.free_s = 0.0
+
+    def __call__(self, line):
+        if time.monotonic() < self.free_s:
+            return None
+        answer = super().__call__(line)
+        self.free_s = time.monotonic() + self.busy_s
+        return answer
+
+    def unknown(self, line):
+        self.refused.append(line)
+        return "ERR"
+
+    def commands(self):
+        return [
+            (r"\*IDN\?", lambda: self.identity),
+            (rf"VOLT {NUMBER}", lambda text: self.keep_apart(float(text), self.out.ovp_V)),
+            (rf"VOLT:LIM {NUMBER}", lambda text: self.keep_apart(self.out.set_V, float(text))),
+            (rf"CURR {NUMBER}", self.set("set_A")),
+            (rf"CURR:LIM {NUMBER}", self.set("ocp_A")),
+            (r"OUTP (ON|OFF)", self.switch),
+            (r"VOLT\?", self.get("set_V", "{:.3f}")),
+            (r"CURR\?", self.get("set_A", "{:.3f}")),
+            (r"VOLT:LIM\?", self.get("ovp_V", "{:.3f}")),
+            (r"CURR:LIM\?", self.get("ocp_A", "{:.3f}")),
+            (r"OUTP\?", lambda: "ON" if self.out.on else "OFF"),
+            (r"MEAS:ALL:INFO\?", self.everything),
+        ]
+
+    def keep_apart(self, set_V, ovp_V):
+        if set_V <= ovp_V - 1.0:
+            self.out.set_V, self.out.ovp_V = set_V, ovp_V
+
+    def switch(self, text):
+        """A trip goes with it."""
+        self.out.clear()
+        self.out.on = text == "ON"
+
+    def everything(self):
+        voltage_V, current_A = self.out.measure()
+        trips = ",".join("ON" if name in self.out.tripped else "OFF" for name in ("OVP", "OCP", "OTP"))
+        return f"{voltage_V:.3f},{current_A:.3f},{voltage_V * current_A:.3f},{trips},{2 if self.out.on else 0}"
+
+
+class AgilentE3632A(Family):
+    """E3634A on RS-232: two trips with switches of their own; clearing one would restore the output."""
+
+    identity = "HEWLETT-PACKARD,E3634A,0,2.1-5.0-1.0"
+    says = "\r\n"
+    serial = True
+    has_ovp = has_ocp = True
+    rate_Hz = 10.0
+
+    def __init__(self):
+        super().__init__()
+        self.ovp_on = self.ocp_on = False
+
+    def commands(self):
+        return [
+            *self.scpi(),
+            (r"SYST:(?:REM|LOC)", lambda: None),
+            (rf"VOLT {NUMBER}", self.set("set_V")),
+            (rf"CURR {NUMBER}", self.set("set_A")),
+            (rf"VOLT:PROT {NUMBER}", self.set("ovp_V")),
+            (rf"CURR:PROT {NUMBER}", self.set("ocp_A")),
+            (r"VOLT:PROT:STAT (ON|OFF)", lambda text: setattr(self, "ovp_on", ON_OFF[text])),
+            (r"CURR:PROT:STAT (ON|OFF)", lambda text: setattr(self, "ocp_on", ON_OFF[text])),
+            (r"(?:VOLT|CURR):PROT:CLE", self.out.clear),
+            (r"OUTP (ON|OFF)", self.set("on", ON_OFF.__getitem__)),
+            (r"VOLT\?", self.get("set_V", "{:+.8E}")),
+            (r"CURR\?", self.get("set_A", "{:+.8E}")),
+            (r"VOLT:PROT\?", self.get("ovp_V", "{:+.8E}")),
+            (r"CURR:PROT\?", self.get("ocp_A", "{:+.8E}")),
+            (r"VOLT:PROT:STAT\?", lambda: str(int(self.ovp_on))),
+            (r"CURR:PROT:STAT\?", lambda: str(int(self.ocp_on))),
+            (r"OUTP\?", lambda: str(int(self.out.on))),
+            (r"MEAS:VOLT\?", self.volts("{:+.8E}")),
+            (r"MEAS:CURR\?", self.amperes("{:+.8E}")),
+            (r"VOLT:PROT:TRIP\?", self.trip("OVP")),
+            (r"CURR:PROT:TRIP\?", self.trip("OCP")),
+        ]
+
+
+class AgilentE3631A(Family):
+    """E3631A on RS-232: a chosen output, one switch for all, no trips."""
+
+    identity = "HEWLETT-PACKARD,E3631A,0,2.1-5.0-1.0"
+    says = "\r\n"
+    serial = True
+
+    def __init__(self):
+        super().__init__()
+        self.channel = 2
+
+    def __call__(self, line):
+        if found := re.fullmatch(r"INST:NSEL ([1-3])", line):
+            self.channel = int(found[1])
+            return None
+        assert self.channel == 1 or line.startswith(("*", "SYST", "OUTP")), f"channel {self.channel} was told '{line}'"
+        return super().__call__(line)
+
+    def commands(self):
+        return [
+            *self.scpi(),
+            (r"SYST:(?:REM|LOC)", lambda: None),
+            (rf"VOLT {NUMBER}", self.set("set_V")),
+            (rf"CURR {NUMBER}", self.set("set_A")),
+            (r"OUTP (ON|OFF)", self.set("on", ON_OFF.__getitem__)),
+            (r"VOLT\?", self.get("set_V", "{:+.8E}")),
+            (r"CURR\?", self.get("set_A", "{:+.8E}")),
+            (r"OUTP\?", lambda: str(int(self.out.on))),
+            (r"MEAS:VOLT\?", self.volts("{:+.8E}")),
+            (r"MEAS:CURR\?", self.amperes("{:+.8E}")),
+        ]
+
+
 #: Dialect → its emulator.
 FAMILIES = {
+    "owon_spe": OwonSpe,
+    "agilent_e3632a": AgilentE3632A,
+    "agilent_e3631a": AgilentE3631A,
     "aimtti_pl": AimTtiPl,
     "aimtti_el": AimTtiEl,
     "tdk_genesys": Genesys,

@@ -127,6 +127,25 @@ SUPPLIES = {
     ),
 }
 DAQS = {
+    "keithley_2000": (
+        "KEITHLEY INSTRUMENTS INC.,MODEL 2000,0842543,A20  /A02",
+        [
+            "*IDN?",
+            "*CLS",
+            "INIT:CONT OFF",
+            "ROUT:SCAN:LSEL NONE",
+            "SENS:FUNC 'VOLT:DC'",
+            "SENS:VOLT:DC:RANG 10",
+            "FORM:ELEM READ",
+            "TRIG:SOUR IMM",
+            "TRIG:COUN 1",
+            "SAMP:COUN 6",
+            "ROUT:SCAN (@101,102,103)",
+            "ROUT:SCAN:LSEL INT",
+            "SYST:ERR?",
+            "READ?",
+        ],
+    ),
     "keysight_daq970a": (
         "Keysight Technologies,DAQ970A,MY58000001,A.03.01",
         [

@@ -36,6 +36,7 @@ def family(request, make_config):
             "supply.watchdog_timeout": 0.0,
             "loop.rate": emulator.rate_Hz,
             "loop.samples_per_block": 20,
+            **emulator.parameters,
         }
         changes |= {"instruments.supply.channel": 6 if name == "tdk_genesys" else 1}
         yield emulator, line, Config.from_mapping(make_config(**changes))
@@ -59,7 +60,7 @@ def test_it_is_opened_with_its_limits_and_its_output_off(opened):
     assert out.set_A <= 0.01
     assert not out.trips_in_cc, "it would trip where this driver works"
     if emulator.has_ovp:
-        assert out.ovp_V == pytest.approx(1.1 * config.supply.max_voltage)
+        assert out.ovp_V == pytest.approx(config.supply.over_voltage_V)
     if emulator.has_ocp:
         assert out.ocp_A == pytest.approx(config.supply.over_current_trip)
     assert supply.identity == emulator.identity

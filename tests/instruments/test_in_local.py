@@ -13,6 +13,8 @@ from sma_actuator.instruments.clock import MonotonicClock
 
 #: Dialect → what makes it remote and what gives its front panel back, by its manual.
 SERIAL = {
+    "agilent_e3631a": ("SYST:REM", "SYST:LOC"),
+    "agilent_e3632a": ("SYST:REM", "SYST:LOC"),
     "agilent_66xx": ("SYST:REM", "SYST:LOC"),
     "bk_9115": ("SYST:REM", "SYST:LOC"),
     "itech_it6800": ("SYST:REM", "SYST:LOC"),
