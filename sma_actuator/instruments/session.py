@@ -560,10 +560,11 @@ class Session:
 
     @property
     def may_begin_anew(self) -> str:
-        """What may be so where a DAQ on a serial line does not say what it was asked; to end a sentence with."""
-        if self.role != "daq" or not self._is_serial:
+        """What may be so where one on a serial line does not say what it was asked; to end a sentence with."""
+        if not self._is_serial:
             return ""
-        return "; does it begin anew when its line is opened, as many an Arduino (instruments.daq.opening_pause)?"
+        so = "instruments.daq.opening_pause" if self.role == "daq" else "which a supply must not: docs/dialects.md"
+        return f"; does it begin anew when its line is opened, as many an Arduino ({so})?"
 
     @property
     def _is_serial(self) -> bool:
