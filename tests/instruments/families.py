@@ -53,6 +53,7 @@ class Family:
     rate_Hz = 20.0  #: of a loop that it is quick enough for
     #: What the manual says of it, for the tests.
     has_ovp = has_ocp = False
+    says_what_tripped = True  #: where anything does
     parameters: ClassVar[dict] = {}  #: that its owner must choose otherwise
 
     def __init__(self):
@@ -333,6 +334,24 @@ class Siglent(Family):
         answer = super().__call__(line)
         self.free_s = time.monotonic() + self.busy_s
         return answer
+
+
+class SiglentSpd1000x(Siglent):
+    """SPD1168X: the same with one channel, and two trips that are always on and do not say that they have tripped."""
+
+    identity = "Siglent Technologies,SPD1168X,SPD13DCC4R0348,2.1.1.9,V1.0"
+    has_ovp = has_ocp = True
+    says_what_tripped = False
+
+    def commands(self):
+        return [
+            *super().commands(),
+            (rf"OVP {NUMBER}", self.set("ovp_V")),
+            (rf"OCP {NUMBER}", self.set("ocp_A")),
+            (r"OVP\?", self.get("ovp_V", "{:.3f}")),
+            (r"OCP\?", self.get("ocp_A", "{:.3f}")),
+            (r"OUTP:RESE:PROT", self.out.clear),
+        ]
 
 
 class Kepco(Family):
@@ -775,6 +794,7 @@ FAMILIES = {
     "tdk_genesys": Genesys,
     "keysight_e36300": KeysightE36300,
     "siglent_spd": Siglent,
+    "siglent_spd1000x": SiglentSpd1000x,
     "kepco_bop": Kepco,
     "agilent_66xx": Agilent66xx,
     "hp_663xa": Hp663xA,
