@@ -67,7 +67,7 @@ COUNTERPARTS = {
     "instro": Counterpart("instro"),
     "rigol_dp832": Counterpart("rigol_dp800", unknown=("prepare", "lock", "unlock")),
     "siglent_spd3303x": Counterpart("siglent_spd", rate_Hz=5.0, slow_rate_Hz=3.4),
-    "siglent_spd1168x": Counterpart("siglent_spd", rate_Hz=5.0, slow_rate_Hz=3.4),
+    "siglent_spd1168x": Counterpart("siglent_spd1000x", rate_Hz=5.0, slow_rate_Hz=3.4),
     "tti_pl303": Counterpart("aimtti_pl", supply={"read_termination": "lf"}),
     "keithley_2400": Counterpart("keithley_2400", unknown=("OUTP:SMOD HIMP", "SOUR:CLE:AUTO OFF", "SENS:VOLT:RANG 20")),
     "keithley_2450": Counterpart("keithley_2450"),
