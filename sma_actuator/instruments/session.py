@@ -173,8 +173,8 @@ class Session:
         self._owed: list[str] = []  #: lines told blind, and questions, whose acknowledgement is still to come
         self._asked: tuple[str, float] | None = None  #: the line that an answer is wanted to, and when it was sent
         self._heard_late: dict[str, tuple[str, float]] = {}  #: its answer, and when it was asked
-        #: When the next line may go; where a pause alone ends a line, not right behind those of another connection.
-        self._free_s = -math.inf if self._manner.write_termination else time.monotonic() + self._manner.pause_s
+        #: When the next line may go: the first, off, not right behind the last of another connection either.
+        self._free_s = time.monotonic() + self._manner.pause_s
 
     def say_off(self) -> None:
         """Write the off lines, blind and in bounded time, from any thread.  Never raises."""

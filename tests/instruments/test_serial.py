@@ -181,6 +181,7 @@ def test_a_pause_for_which_there_is_no_time_is_named():
     with SerialInstrument(lambda line: "1") as line:
         session = Session("daq", line.resource, Manner(pause_s=0.5), 0.3)
         session.open()
+        time.sleep(0.5)  # as long as the first one keeps its distance
         assert session.ask("ONE?") == "1"
         with pytest.raises(InstrumentLost, match=r"'TWO\?' within 0.3 s: instruments.daq.command_pause, 0.5 s, is a"):
             session.ask("TWO?")

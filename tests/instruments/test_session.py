@@ -503,13 +503,14 @@ def test_an_answer_without_an_end_has_its_length(peer):
         session.ask("V?")
 
 
-def test_the_first_line_on_a_new_connection_keeps_its_distance(peer):
-    """Where a pause ends a line, it would else be one with the last of the connection before."""
-    session = Session("supply", peer.resource, Manner("", pause_s=TIMEOUT_s), PATIENT_s, ["OUT0"])
+@pytest.mark.parametrize("end", ["", "\n"])
+def test_the_first_line_on_a_new_connection_keeps_its_distance(peer, end):
+    """It is off, and right behind the last of the connection before it would be lost, or one line with that."""
+    session = Session("supply", peer.resource, Manner(end, pause_s=TIMEOUT_s), PATIENT_s, ["OUT0"])
     began_s = time.monotonic()
     session.open()
     peer.accept()
-    assert peer.connection.recv(100) == b"OUT0" and time.monotonic() - began_s >= TIMEOUT_s
+    assert peer.connection.recv(100) == f"OUT0{end}".encode() and time.monotonic() - began_s >= TIMEOUT_s
     session.close()
 
 
