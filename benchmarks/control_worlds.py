@@ -41,6 +41,7 @@ import numpy as np
 from control_tables import EXPERIMENTS as THESIS
 from control_tables import MEANS
 from driven import LAWS, RUN_BY, SHARED, Case, Found, fastest_once, once
+from grains import ALLOYS
 from kept import MODEL, kept
 from rich.console import Console
 from rich.table import Table
@@ -260,7 +261,8 @@ def _over(function: Callable[[Any], Any], name: str, of: Sequence[Found]) -> flo
 
 
 def _physics(name: str) -> str:
-    world_of(name)
+    if name not in ALLOYS:
+        world_of(name)
     return name
 
 
@@ -280,7 +282,9 @@ def asked(args: argparse.Namespace) -> list[Wire]:
 def main() -> int:
     """Print the tables; returns 0."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--physics", nargs="*", type=_physics, metavar="NAME", help="these, designed or drawn-N")
+    parser.add_argument(
+        "--physics", nargs="*", type=_physics, metavar="NAME", help="these, designed, drawn-N or grains-N"
+    )
     parser.add_argument(
         "--drawn", type=int, default=24, metavar="N", help="so many drawn physics (default %(default)s)"
     )

@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from grains import ALLOYS, GrainsBench
 from replay_tables import PRELOAD_AT_m
 
 from sma_actuator.base.calibration import unknown_since_then_m
@@ -44,6 +45,7 @@ from sma_actuator.logs.bench_log import read_bench_log
 from sma_actuator.logs.experiments import make_experiment
 from sma_actuator.plant.loads import Load, Schedule, Spring, Weight
 from sma_actuator.plant.materials import WIRES as SPECIMENS
+from sma_actuator.plant.worlds import HOME
 
 ROOT = Path(__file__).resolve().parents[1]
 KEPT = ROOT / "out" / "control_worlds"
@@ -59,7 +61,7 @@ CHARACTERISED = PlanOptions(levels=6, skip=CALIBRATED)
 #: A load between those that are characterised, for logs that no fit has seen.
 UNSEEN_Pa = 54e6
 #: The rooms that the logs depend on, those that the models do beside, and beside these the logs of the second round.
-LOGS_BY, MODELS_BY = ("plant", "bench", "characterise"), ("identify", "estimation", "calibration")
+LOGS_BY, MODELS_BY = ("plant", "bench", "characterise", "grains"), ("identify", "estimation", "calibration")
 SECOND_BY = (*MODELS_BY, "control", "derived")
 #: The stroke that a wire truly has is that between this temperature at its hottest place and the bias current.
 HOT_C = 160.0
@@ -129,7 +131,7 @@ def bench_of(
     """A bench with the wire as it is after so many cycles; ``noise``: its DAQ's over the usual one's; in a room that is
     so much warmer than usual."""
     diameter_m, finer = _diameter_m(wire), _finer(wire)
-    specimen = wire_of(alloy_of(wire), physics).after(cycles)
+    specimen = wire_of(alloy_of(wire), HOME if physics in ALLOYS else physics).after(cycles)
     loses = still_air_W_m2K(diameter_m) / still_air_W_m2K(specimen.diameter_m)
     specimen = replace(specimen, diameter_m=diameter_m, heat_transfer_W_m2K=loses * specimen.heat_transfer_W_m2K)
     usual = MeasuringChain()
@@ -141,7 +143,8 @@ def bench_of(
         noise_V=tuple(noise * noise_V for noise_V in usual.noise_V),
     )
     setup = Setup(specimen, chain, load or scaled(wire, Weight(0.98)))
-    return VirtualBench(replace(setup, ambient_C=setup.ambient_C + warmer_K), seed)
+    setup = replace(setup, ambient_C=setup.ambient_C + warmer_K)
+    return GrainsBench(physics, setup, seed, cycles) if physics in ALLOYS else VirtualBench(setup, seed)
 
 
 def _sense_Ohm(finer: float) -> float:
