@@ -13,7 +13,6 @@ from sma_actuator.base.parameters import to_mapping
 from sma_actuator.config import Config
 from sma_actuator.derived import derived, not_survived
 from sma_actuator.instruments import Daq, InstrumentError, PowerSupply
-from sma_actuator.instruments.supply import __name__ as supply_log
 
 from .found import Level, passed
 from .pace import LEAST_RATE_Hz
@@ -25,6 +24,9 @@ OTHER_SHARE = 0.3  #: the same, ten times as much, from which it is no zero erro
 NOISE_SHARE = 0.02  #: the same of a channel's noise; for the load, of the load at wire.max_stress
 LEAST_LOAD_SHARE = 0.01  #: of the load at wire.max_stress, below which the sign of the load cell cannot be told
 PERIOD_SHARE = 0.2  #: by which the DAQ may be slower than the loop
+
+#: What of a supply is not safe is logged by this module, which loads pyvisa: the node's processes begin without it.
+_UNSAFE = "sma_actuator.instruments.supply"
 
 
 def identity(probe: Probe) -> str:
@@ -42,7 +44,7 @@ def opening(probe: Probe, supply: PowerSupply, daq: Daq) -> bool:
     Whether the output is off still, which was read back before.
     """
     opened = False
-    unsafe = logging.getLogger(supply_log)  # of what it cannot do was said when it was opened first
+    unsafe = logging.getLogger(_UNSAFE)  # of what it cannot do was said when it was opened first
     level = unsafe.level
     unsafe.setLevel(logging.ERROR)
     try:
