@@ -7,7 +7,6 @@ all.  Behind every output hangs a load, so voltage, current and trips follow fro
 from __future__ import annotations
 
 import re
-import time
 from typing import ClassVar
 
 
@@ -300,11 +299,9 @@ class KeysightE36300(TripsInConstantCurrent):
 
 
 class Siglent(Family):
-    """SPD3303X, channel 1: a status word in hexadecimal, no *CLS, errors with their words behind two blanks; what comes
-    while it is busy with the last line is lost."""
+    """SPD3303X, channel 1: a status word in hexadecimal, no *CLS, errors with their words behind two blanks."""
 
     rate_Hz = 5.0
-    busy_s = 0.01  #: half of what its owners allow it: a machine that holds us up brings lines nearer to each other
     identity = "Siglent Technologies,SPD3303X,SPD3XGB4150080,1.01.01.01.02R5,V3.0"
 
     def commands(self):
@@ -326,14 +323,6 @@ class Siglent(Family):
 
     def __init__(self):
         super().__init__()
-        self.free_s = 0.0
-
-    def __call__(self, line):
-        if time.monotonic() < self.free_s:
-            return None
-        answer = super().__call__(line)
-        self.free_s = time.monotonic() + self.busy_s
-        return answer
 
 
 class SiglentSpd1000x(Siglent):
@@ -654,7 +643,7 @@ class Korad(Family):
 
 class OwonSpe(Family):
     """SPE3103 on its USB: trips that a voltage must stay 1 V below, or it is not taken and nothing said; ERR to what it
-    does not know; what comes while it is busy with the last line is lost."""
+    does not know."""
 
     identity = "OWON,SPE3103,24110477,FV:V5.2.0"
     says = "\r\n"
@@ -662,20 +651,11 @@ class OwonSpe(Family):
     has_ovp = has_ocp = True
     rate_Hz = 5.0
     parameters: ClassVar[dict] = {"supply.over_voltage_trip": 7.5}
-    busy_s = 0.008
 
     def __init__(self):
         super().__init__()
         self.errors = []  # it has no queue of them
         self.out.ovp_V, self.out.ocp_A = 2.5, 10.5  # as somebody has left them
-        self.free_s = 0.0
-
-    def __call__(self, line):
-        if time.monotonic() < self.free_s:
-            return None
-        answer = super().__call__(line)
-        self.free_s = time.monotonic() + self.busy_s
-        return answer
 
     def unknown(self, line):
         self.refused.append(line)
