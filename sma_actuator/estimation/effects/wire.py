@@ -154,7 +154,8 @@ class AmbientTemperature(Effect):
 
     In the middle of the transformation the wire has the temperature of the transformation whatever the surroundings; so
     the change fades as the wire is heated, over ``fading`` kelvin.  Where nobody logs the surroundings, a
-    ``difference`` counts: to the heat balance of the calibration it is heat that comes beside the current's.
+    ``difference`` counts, and where their sensor says what the air at the wire is not, ``sensor_off``: to the heat
+    balance of the calibration that is heat that comes beside the current's.
     """
 
     PART = "wire"
@@ -169,24 +170,30 @@ class AmbientTemperature(Effect):
     difference: float = parameter(
         0.0, "how much warmer than thermal.ambient_temperature it is, where none is measured", "K", -100.0, 100.0
     )
+    sensor_off: float = parameter(
+        0.0, "how much warmer the air at the wire is than is measured, where it is", "K", -100.0, 100.0
+    )
     time_constant: float = parameter(2.0, "thermal lag, C/h", "s", 0.01, 600.0)
     heat_loss: float = parameter(0.006, "heat lost per kelvin above ambient", "W/K", 1e-6, 1e2)
 
     def at_resistance(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """The resistance at the calibration's ambient temperature."""
         unknown = np.isnan(frame.ambient_C)
-        ambient_C = np.where(unknown, place.ambient_C + self.difference, frame.ambient_C)
+        more_K = np.where(unknown, self.difference, self.sensor_off)
+        ambient_C = np.where(unknown, place.ambient_C, frame.ambient_C) + more_K
         fade = np.exp(-np.maximum(0.0, _rise_K(frame, state, self.time_constant, self.heat_loss)) / self.fading)
         change = self.temperature_coefficient * (ambient_C - self.calibration_temperature) * fade
         frame.resistance_Ohm = frame.resistance_Ohm / (1.0 + change)
-        frame.power_W = frame.power_W + np.where(unknown, self.heat_loss * self.difference, 0.0)
+        frame.power_W = frame.power_W + self.heat_loss * more_K
 
     @classmethod
     def free(cls, scales: Scales) -> list[Free]:
         """What a fit may vary."""
         rise_K = scales.rise_K
         how_warm = [size("temperature_coefficient", 5e-3, 5e-4)]
-        if not scales.ambient_logged:
+        if scales.ambient_logged and scales.power_known:  # a sensor may say what the air at the wire is not
+            how_warm.append(size("sensor_off", 40.0, 2.0))
+        elif not scales.ambient_logged:
             # The power says how warm it is.  A metal's resistance rises with that, but not by any amount; of a wire
             # that the surroundings keep from transforming to its cold end it falls.  Held to rise, it takes the sign of
             # the power along.
@@ -212,9 +219,7 @@ class AmbientTemperature(Effect):
         """Why logs could not show it."""
         if not scales.ambient_logged and not scales.power_known:
             return "no ambient temperature in the logs (column ambient_temperature_C)"
-        if not scales.ambient_logged:
-            return ""
-        if scales.ambient_change_K >= 1.0:
+        if scales.power_known or scales.ambient_change_K >= 1.0:
             return ""
         if not scales.calibration_ambient_known:
             return "the ambient temperature stays within 1 K, and that of the calibration is not known"

@@ -55,7 +55,7 @@ def test_under_one_weight_a_lag_of_the_wire_is_one_of_the_sensor_and_a_spring_te
 
 def test_what_these_logs_cannot_show_is_said(under_a_weight):
     found, effects, _ = under_a_weight
-    assert "ambient_temperature" in found.untestable and "ambient_temperature" not in effects
+    assert "elastic_compliance" in found.untestable and "elastic_compliance" not in effects
 
 
 def test_the_experiment_that_would_tell_most_comes_first_and_adds_what_a_second_look_confirms(under_a_weight):
@@ -84,7 +84,7 @@ def test_the_command_writes_a_table_a_picture_and_the_experiment(wire, tmp_path,
     assert main(["trace", *logs, "--config", model, "--out", str(out), "--isolability"]) == 0
     report = json.loads((out / "isolability.json").read_text())
     said = capsys.readouterr().out
-    assert report["experiments"][0]["what"] in " ".join(said.split()) and "untestable: ambient_temperature" in said
+    assert report["experiments"][0]["what"] in " ".join(said.split()) and "untestable: elastic_compliance" in said
     assert "data:image/png" in (out / "isolability.html").read_text()
     assert not (out / "report.json").exists()
 

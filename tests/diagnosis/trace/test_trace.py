@@ -380,6 +380,22 @@ def test_the_power_to_transform_tells_it_from_surroundings_of_another_temperatur
     assert wrong.nats < 0.0 and wrong.by_witness["power in the transformation"] < -1.0
 
 
+@pytest.mark.parametrize("warmer_K", [15.0, -10.0])
+def test_a_sensor_that_reads_the_air_of_elsewhere_is_told_from_a_draught(wire, config, warmer_K):
+    """The wire is in another air, and its sensor says what it always said."""
+    logs = session(wire[0], {"ambient_temperature": warmer_K}, seed=6)
+    usual_C = config.calibration.ambient_temperature
+    elsewhere = [
+        dataclasses.replace(
+            log, columns=log.columns | {"ambient_temperature_C": np.full_like(log.columns["time_s"], usual_C)}
+        )
+        for log in logs
+    ]
+    found, wrong = beside(Evidence(elsewhere, config), "ambient_temperature", "heat_loss")
+    assert 0.5 < found.fit.values["ambient_temperature"]["sensor_off"] / warmer_K < 1.5
+    assert wrong.nats < 0.0
+
+
 @pytest.mark.long  # of a slip that is no lead, above
 def test_a_slip_is_no_drift_however_much_a_drift_mends(wire, config):
     _, wrong = beside(Evidence(session(wire[0], {"slip": 4e-4}), config), "slip", "reference_drift")
@@ -478,11 +494,11 @@ def test_without_a_sense_resistor_it_does_not_compete(clean):
 @ONE_LOG_AND_TWO
 def test_what_the_log_could_not_show_is_untestable_never_absent(wire, config, logs):
     evidence = Evidence(session(wire[0], {"voltage_offset": 0.004}, load=Weight(0.98), logs=logs), config)
-    few = all_but("voltage_offset", "elastic_compliance", "ambient_temperature")
+    few = all_but("voltage_offset", "elastic_compliance", "load_cell_nonlinearity")
     found = trace(evidence, without=few, jobs=1)
     assert found.fit.names == ("voltage_offset",)
     assert "one load" in found.untestable["elastic_compliance"]
-    assert "ambient" in found.untestable["ambient_temperature"]
+    assert "one load" in found.untestable["load_cell_nonlinearity"]
 
 
 @ONE_LOG_AND_TWO
@@ -884,11 +900,12 @@ def test_nats_by_witness_and_by_stretch_are_what_the_rows_say(a_lead):
             assert why.nats <= 1e-9 or why.hypothesis.why_none
 
 
-def test_what_was_not_asked_for_is_explained_too(clean):
-    nothing = trace(clean, only=["lead_resistance"], jobs=1, explain=["slip", "ambient_temperature"])
+def test_what_was_not_asked_for_is_explained_too(wire, config):
+    one_load = Evidence(session(wire[0], load=Weight(0.98), logs=1), config)
+    nothing = trace(one_load, only=["lead_resistance"], jobs=1, explain=["slip", "elastic_compliance"])
     said = {why.names: why for why in whys(nothing)}
     assert said["slip",].answer == "refused" and "slip" not in nothing.probabilities.by_name
-    assert said["ambient_temperature",].answer == "untestable"
+    assert said["elastic_compliance",].answer == "untestable"
     assert said[NOTHING,].answer == "given"
 
 

@@ -349,6 +349,16 @@ def test_surroundings_that_nobody_logs_warm_the_wire_like_a_current():
         np.testing.assert_allclose(frame.power_W, heat_W)
 
 
+def test_where_a_sensor_reads_other_air_it_is_as_if_it_read_that_of_the_wire():
+    ones = np.ones(10)
+    seen = []
+    for logged_C, values in ((30.0, {}), (22.0, {"sensor_off": 8.0})):
+        arrays = Signals(np.arange(10.0), 5.0 * ones, 0.3 * ones, 0.5 * ones, ones, ones, ones, logged_C * ones)
+        _, frame = Stages(build("ambient_temperature", **values)).through(arrays, 2e-3 * ones)
+        seen.append((frame.resistance_Ohm, frame.power_W - 0.006 * values.get("sensor_off", 0.0)))
+    np.testing.assert_allclose(*seen)
+
+
 def test_ambient_temperature_acts_in_the_cold():
     n = 10
     cold = Signals(
