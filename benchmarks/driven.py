@@ -55,6 +55,7 @@ RUN_BY = (
     "instruments",
     "trial_laws",
     "users_way",
+    "grains",
     "driven",
     "control_tables",
 )
@@ -264,7 +265,7 @@ def fastest_once(case: Case) -> float:
     """:func:`fastest`, or what it came to the last time."""
     same = replace(case, law="", changes=(), wrong=(), sensor_K=0.0)
     return kept(
-        f"fastest {same} {digest(('users_way', 'driven', 'control_tables', 'derived', 'control'))}",
+        f"fastest {same} {digest(('users_way', 'grains', 'driven', 'control_tables', 'derived', 'control'))}",
         MODEL,
         lambda: fastest(case),
     )

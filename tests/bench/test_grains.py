@@ -2,6 +2,7 @@
 
 import sys
 from importlib import import_module
+from math import pi
 from pathlib import Path
 
 import pytest
@@ -19,7 +20,7 @@ STILL = {"room_K": 0.0, "uneven": 0.0}
 
 def bench(name, stress_Pa=60e6):
     specimen = wire_of("flexinol", HOME)
-    area_m2 = 0.7853981634 * specimen.diameter_m**2
+    area_m2 = 0.25 * pi * specimen.diameter_m**2
     made = grains.GrainsBench(name, Setup(specimen, load=Weight(stress_Pa * area_m2)))
     made.supply.set_voltage(20.0)
     made.supply.set_output(True)
@@ -55,7 +56,7 @@ def test_warm_and_still_it_loses_what_the_current_brings(monkeypatch):
     made = bench("grains-3")
     truth = held(made, 0.15, 60.0)
     excess_K = truth.temperature_C - made.ambient_C
-    surface_m2 = 3.1415926536 * made.setup.wire.diameter_m * made.setup.wire.length_m
+    surface_m2 = pi * made.setup.wire.diameter_m * made.setup.wire.length_m
     convected_W = alloy.loss_W_m2K * (1.0 + alloy.loss_grows_1_K * excess_K) * surface_m2 * excess_K
     here_K, room_K = truth.temperature_C + grains.KELVIN, made.ambient_C + grains.KELVIN
     radiated_W = alloy.emissivity * grains.STEFAN_W_m2K4 * surface_m2 * (here_K**4 - room_K**4)

@@ -36,8 +36,6 @@ ANSWER_s = 30.0  #: for the back door, which no fault touches
 SOON_s = 60.0  #: bound of every wait; none is expected to take long
 TOLERANCE_m = 2e-4
 COLD_Ohm = 8.0  #: what hangs on the output until current has flown
-#: What none of the emulators has: their parameter files acknowledge it, as an owner's would.
-UNSAFE = {f"supply.allow_{what}": True for what in ("no_watchdog", "single_session", "no_trips")}
 
 
 @functools.cache

@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from counterpart import HERE, UNSAFE, Emulator, Rig, SerialLine, SOON_s, python_with
+from accepted import UNSAFE
+from counterpart import HERE, Emulator, Rig, SerialLine, SOON_s, python_with
 from emulators import EMULATORS
 from liar import Liar
 from waiting import STARTS_SOON, Elapsed, Stalls

@@ -2,7 +2,8 @@
 
 import pytest
 import pyvisa
-from counterpart import HERE, UNSAFE
+from accepted import UNSAFE
+from counterpart import HERE
 from pyvisa.ctwrapper import IVIVisaLibrary
 
 from sma_actuator.config import Config

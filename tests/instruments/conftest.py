@@ -7,6 +7,7 @@ import signal
 from pathlib import Path
 
 import pytest
+from accepted import UNSAFE
 
 from sma_actuator.config import Config
 from sma_actuator.instruments import open_supply
@@ -33,9 +34,7 @@ def supply_of(make_config):
 
     def make(line, path, **parameters):
         changes = {"instruments.supply.resource": line.resource, "instruments.supply.dialect": path}
-        changes |= dict.fromkeys(
-            (f"supply.allow_{what}" for what in ("no_watchdog", "single_session", "no_trips")), True
-        )
+        changes |= UNSAFE
         changes["supply.watchdog_timeout"] = 0.0
         made.append(open_supply(Config.from_mapping(make_config(**{**changes, **parameters}))))
         return made[-1]

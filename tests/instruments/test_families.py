@@ -5,6 +5,7 @@ import itertools
 import time
 
 import pytest
+from accepted import UNSAFE
 from families import FAMILIES
 from serial_line import SerialInstrument
 from tcp_line import TcpInstrument
@@ -27,9 +28,7 @@ def family(request, make_config):
     emulator = FAMILIES[name]()
     served = SerialInstrument if emulator.serial else TcpInstrument
     with served(emulator, hears=emulator.hears, says=emulator.says) as line:
-        changes = dict.fromkeys(
-            (f"supply.allow_{what}" for what in ("no_watchdog", "single_session", "no_trips")), True
-        )
+        changes = dict(UNSAFE)
         changes |= {"instruments.supply.resource": line.resource, "instruments.supply.dialect": name}
         # a rate that a busy machine keeps
         changes |= {

@@ -4,6 +4,7 @@ import math
 import time
 
 import pytest
+from accepted import UNSAFE
 from families import FAMILIES
 from serial_line import SerialInstrument
 
@@ -58,9 +59,7 @@ def stand(request, make_config):
     emulator = FAMILIES[request.param]()
     instrument = InLocal(emulator, *SERIAL[request.param])
     with SerialInstrument(instrument, hears=emulator.hears, says=emulator.says) as line:
-        changes = dict.fromkeys(
-            (f"supply.allow_{what}" for what in ("no_watchdog", "single_session", "no_trips")), True
-        )
+        changes = dict(UNSAFE)
         changes |= {"instruments.supply.resource": line.resource, "instruments.supply.dialect": request.param}
         config = Config.from_mapping(make_config(**changes, **{"supply.watchdog_timeout": 0.0}))
         yield emulator, instrument, lambda: open_supply(config)

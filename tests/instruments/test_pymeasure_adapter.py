@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from accepted import UNSAFE
 from stand_in_server import ScpiStandIn
 
 from sma_actuator.base.parameters import ConfigError
@@ -209,8 +210,7 @@ def test_lines_end_as_the_parameters_say(make_config):
             "timeout": 0.2,
             "write_termination": "crlf",
         }
-        accepted = {f"supply.allow_{what}": True for what in ("no_watchdog", "single_session", "no_trips")}
-        accepted["supply.watchdog_timeout"] = 0.0
+        accepted = {**UNSAFE, "supply.watchdog_timeout": 0.0}
         supply = open_supply(Config.from_mapping(make_config(**{"instruments.supply": section, **accepted})))
         with pytest.raises(InstrumentLost):
             supply.open()
